@@ -7,15 +7,13 @@ from typing import Any
 from cmacexp.config.cmac import CMACS, PHASE, check_size
 from cmacexp.config.component import COMPONENTS, ComponentConfig, find_option
 from cmacexp.config.fields import listed
-from cmacexp.config.gait import PATTERNS
+from cmacexp.config.gait import PATTERNS, SHORTEST_RAMP_SAMPLES
 from cmacexp.config.machine import QuadrupedMachine, RobotMachine, ask_for_robot, read_model
 from cmacexp.config.schema import Config, read_component
 from cmacexp.errors import BadInput, require
 
 Check = tuple[bool, str, Any, str]
 """True if a combination of fields is invalid; then the key that the message names, its value, and the requirement."""
-SHORTEST_RAMP_SAMPLES = 10
-"""Duration of the shortest load ramp, samples: a sampled motion cannot follow a shorter one."""
 TOLERANCE = 1e-9
 """Largest relative deviation of the time of an event from that of its sample."""
 MOST_ROWS = 2**24

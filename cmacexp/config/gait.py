@@ -5,6 +5,9 @@ from typing import NamedTuple
 
 from cmacexp.config.fields import choice, number
 
+SHORTEST_RAMP_SAMPLES = 10
+"""Duration of the shortest load ramp, samples: a sampled motion cannot follow a shorter one."""
+
 
 class GaitPattern(NamedTuple):
     """Touch-down times of a gait, and its requirements."""

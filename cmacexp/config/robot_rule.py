@@ -14,7 +14,7 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from cmacexp.config.component import find_option
 from cmacexp.config.fields import listed, read_field
-from cmacexp.config.gait import PATTERNS, GaitPattern
+from cmacexp.config.gait import PATTERNS, SHORTEST_RAMP_SAMPLES, GaitPattern
 from cmacexp.config.machine import RobotModel, ask_for_robot, read_model
 from cmacexp.errors import BadInput, require, require_name
 from cmacexp.models.lead import discretise
@@ -26,9 +26,11 @@ from cmacexp.models.robot_gains import (
     Basis,
     DriveGains,
     Gains,
+    Sampling,
     derive_basis,
     derive_drive_gains,
     derive_gains,
+    make_sampling,
     recommend_period,
 )
 from cmacexp.models.robot_search import Names, find_names, find_yaw
@@ -80,7 +82,7 @@ def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
         value = recommend_period(basis.ratio, _read_loop_delay(_root_), _find_pattern(_root_).gain)
         value = min(value, PERIODS[name], math.inf if robot.armature.any() else PERIOD_WITHOUT_ROTORS)
     elif name in DriveGains._fields:
-        value = derive_drive_gains(robot)._asdict()[name]
+        value = derive_drive_gains(robot, _read_sampling(_root_))._asdict()[name]
     else:
         gains = basis if name in Basis._fields else _derive_gains(basis, _root_)
         value = gains._asdict()[name]
@@ -138,7 +140,12 @@ STRIDE: dict[str, Callable[[DictConfig], float | ListConfig]] = {
     "lift": _choose_lift,
     "touch_down": _choose_touch_downs,
     "load_ramp": lambda root: round(
-        max(RAMP_SHARE * _read_number(root, "gait.cycle_time"), SHORTEST_RAMP_TIME), DIGITS
+        max(
+            RAMP_SHARE * _read_number(root, "gait.cycle_time"),
+            SHORTEST_RAMP_TIME,
+            SHORTEST_RAMP_SAMPLES * _read_number(root, PERIOD),
+        ),
+        DIGITS,
     ),
 }
 """Functions that derive the fields of the gait from its pattern, its speed and the length of the legs."""
@@ -151,6 +158,15 @@ def _derive_gains(basis: Basis, root: DictConfig) -> Gains:
         return derive_gains(basis, period, 1.0, loop_delay)
     omega, alpha = (_read_number(root, f"controller.lead_{name}") for name in ("omega", "alpha"))
     return derive_gains(basis, period, discretise(omega, alpha, period).b0, loop_delay)
+
+
+def _read_sampling(root: DictConfig) -> Sampling | None:
+    """Read the delays of drives that compute once a command; None if the receiver of commands does not."""
+    if not OmegaConf.select(root, "plant.bus.sampled"):
+        return None
+    period = _read_number(root, PERIOD)
+    lag, latency = (_read_number(root, key, least=0.0) for key in ("actuator.lag", "machine.latency"))
+    return make_sampling(period, round(_read_number(root, "actuator.delay", least=0.0)), lag, latency)
 
 
 def _read_number(root: DictConfig, key: str, least: float = 1e-9) -> float:

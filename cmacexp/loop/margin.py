@@ -2,10 +2,17 @@
 
 from cmacexp.config import Config
 from cmacexp.config.machine import read_model
-from cmacexp.control import HybridController
+from cmacexp.control import DriveController, HybridController
 from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import LoopDelay, Margin
-from cmacexp.models.robot_gains import Gains, derive_basis, find_delay_margin, find_standing_margin
+from cmacexp.models.robot_gains import (
+    Gains,
+    derive_basis,
+    find_critical_damping,
+    find_delay_margin,
+    find_standing_margin,
+    make_sampling,
+)
 
 SMALL_MARGIN = 0.004
 """Delay margin below which a warning is given, s: typical delay of the buses of robots."""
@@ -58,3 +65,25 @@ def check_margin(config: Config, control: HybridController.Config, loop_delay: L
     little = f"feedback bears {1e3 * margin:.2g} ms of delay that is not counted, less than"
     advice = "declare what a robot has, or use controller=drives"
     return f"machine.latency={config.machine.latency:g}: {little} {1e3 * SMALL_MARGIN:g} ms; {advice}"
+
+
+def find_sampled_limit(config: Config) -> float:
+    """Find the damping, N m s/rad, from which on drives that compute once a command shake the lightest joint.
+
+    Whether the receiver of commands computes so is declared by ``plant.bus.sampled``.
+    """
+    actuator = config.actuator
+    sampling = make_sampling(config.sampling_period, actuator.delay, actuator.lag, config.machine.latency)
+    return find_critical_damping(read_model(config.machine), sampling)
+
+
+def check_drives(config: Config, control: DriveController.Config) -> str:
+    """Return a warning if drives that compute once a command have too much damping; else an empty text."""
+    bus = getattr(config.plant, "bus", None)
+    limit = find_sampled_limit(config)
+    if not config.warn or bus is None or not bus.sampled or control.damping < limit:
+        return ""
+    return (
+        f"controller.damping={control.damping:g}: drives that compute every {config.sampling_period:g} s shake "
+        f"from {limit:.3g} N m s/rad on; leave it out, or use at most half of that"
+    )

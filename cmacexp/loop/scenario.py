@@ -13,13 +13,13 @@ from cmacexp.config.check import check_memory
 from cmacexp.config.component import current_folder_importable, find_class, is_shipped
 from cmacexp.config.machine import PointMassMachine, RobotMachine
 from cmacexp.config.schema import AUTO, NONE
-from cmacexp.control.controllers import HybridController
+from cmacexp.control.controllers import DriveController, HybridController
 from cmacexp.data.records import RunEnd
 from cmacexp.data.weights import read_weights
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_install_command, require
 from cmacexp.jit.compiler import workload
 from cmacexp.jit.interrupt import exits_caught
-from cmacexp.loop.margin import check_margin
+from cmacexp.loop.margin import check_drives, check_margin
 from cmacexp.loop.validation import (
     SIGNAL_NAMES,
     copy_measurement,
@@ -328,6 +328,8 @@ def make_scenario(
         warning = ""
         if isinstance(config.machine, RobotMachine) and isinstance(controller, HybridController):
             warning = check_margin(config, controller.config, loop_delay)
+        if isinstance(config.machine, RobotMachine) and isinstance(controller, DriveController):
+            warning = check_drives(config, controller.config)
         weights = read_weights(config) if learnt is None else learnt
         rate = resolve_rate(config, loop_delay, lead)
         setup = Setup(config, mechanism, plan, _start(config, plan), weights, lead, rate, recall)

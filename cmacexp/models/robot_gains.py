@@ -33,6 +33,11 @@ larger: a crawl of 60 cycles ends at 0.4 to 1.0 mm instead of 0.2 to 0.3, a trot
 to 0.6 (both grounds, three seeds each)."""
 DRIVEN_DECAY = 0.075
 """Damping over stiffness of a drive, s: five times the lag of a Go2's torques."""
+SAMPLED_SHARE = 0.45
+"""Largest damping by rule, over the critical one, of drives that compute once a command: joints of other models of a
+Go2 have down to 0.6 of the inertia."""
+SAMPLED_PERIODS = 3.0
+"""Least damping over stiffness of such drives, in sampling periods; 1.5 of them take all damping away."""
 YIELD = 0.25
 """P_fn K_ap: displacement of the reference per force error, times the position gain."""
 DEPTH = 0.003
@@ -166,11 +171,49 @@ def compute_foot_mass(robot: Robot) -> float:
     return min(1.0 / float(np.linalg.eigvalsh(mobility)[-1]) for mobility in mobilities)
 
 
-def derive_drive_gains(robot: Robot) -> DriveGains:
-    """Derive gains of drives with which the body on its legs, at home, has the natural frequency DRIVEN_RATE."""
+class Sampling(NamedTuple):
+    """Period and delays of drives that compute their torques once a command."""
+
+    period: float
+    """Time from command to command, s."""
+    delay: LoopDelay
+    """Delay from a motion of the joint to the torque, in addition to the sampling period."""
+
+
+def make_sampling(period: float, delay: int, lag: float, latency: float) -> Sampling:
+    """Make the sampling of drives that compute once a ``period``, s, from readings that are at least one period old.
+
+    ``delay``, samples, and ``lag``, s, are those of the torque; ``latency``, s, is declared, and above the period
+    counts in its place.
+    """
+    return Sampling(period, LoopDelay(delay, (lag,) if lag > 0.0 else (), max(period, latency)))
+
+
+def derive_drive_gains(robot: Robot, sampling: Sampling | None = None) -> DriveGains:
+    """Derive gains of drives with which the body on its legs, at home, has the natural frequency DRIVEN_RATE.
+
+    The gains of drives with a ``sampling`` are lower where they would be unstable.
+    """
     vertical = [float(np.linalg.inv(foot @ foot.T)[2, 2]) for _, foot in list_jacobians(robot)]
     stiffness = DRIVEN_RATE**2 * robot.mass / sum(vertical)
-    return DriveGains(stiffness, DRIVEN_DECAY * stiffness)
+    damping = DRIVEN_DECAY * stiffness
+    if sampling is not None:
+        damping = min(damping, SAMPLED_SHARE * find_critical_damping(robot, sampling))
+        stiffness = min(stiffness, damping / (SAMPLED_PERIODS * sampling.period))
+    return DriveGains(stiffness, damping)
+
+
+def find_critical_damping(robot: Robot, sampling: Sampling) -> float:
+    """Find the damping, N m s/rad, from which on drives that compute once a command shake the lightest joint at home.
+
+    Friction and stiffness are left out.
+    """
+    return sampling.delay.find_critical_gain(sampling.period) * _find_least_inertia(robot) / sampling.period
+
+
+def _find_least_inertia(robot: Robot) -> float:
+    """Find the least eigenvalue of the joint inertia of a leg at home, kg m^2."""
+    return min(float(np.linalg.eigvalsh(inertia)[0]) for inertia, _ in list_jacobians(robot))
 
 
 def find_joint_margin(robot: Robot, gains: DriveGains, lag: float) -> Margin:
@@ -178,8 +221,7 @@ def find_joint_margin(robot: Robot, gains: DriveGains, lag: float) -> Margin:
 
     ``lag`` is the time constant of its torque, s.
     """
-    inertia = min(float(np.linalg.eigvalsh(inertia)[0]) for inertia, _ in list_jacobians(robot))
-    return find_drive_margin(inertia, *gains, lag)
+    return find_drive_margin(_find_least_inertia(robot), *gains, lag)
 
 
 def choose_feedback(loop_delay: LoopDelay, period: float) -> float:

@@ -1,12 +1,12 @@
 """Drives that close a loop of their own around each joint, between two commands.
 
 A command is a torque, an angle, a velocity and two gains; the drive gives torque + K (q_d - q) + D (dq_d - dq), many
-times in a sampling period. Commands arrive with delay and jitter, or are lost; a drive follows the newest that has
-arrived.
+times in a sampling period or, as simulators of robots do, once a command. Commands arrive with delay and jitter, or
+are lost; a drive follows the newest that has arrived.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
@@ -28,7 +28,16 @@ BUS_SEED = 0x42555321
 
 
 @dataclass(kw_only=True)
-class BusConfig:
+class ReceiverConfig:
+    """How the receiver of commands computes the torques of the drives; gains by rule count it."""
+
+    sampled: bool = field(default=False)
+    """True: once for each command, from the readings of one sampling period before, and held until the next command.
+    False: many times in a sampling period, as in the motors of a robot."""
+
+
+@dataclass(kw_only=True)
+class BusConfig(ReceiverConfig):
     """Transmission of commands to the drives and their measurement of velocity, known to the plant only."""
 
     needs: ClassVar[tuple[str, ...]] = ("option.controller != 'hybrid'",)
@@ -61,6 +70,12 @@ class Drives(NamedTuple):
     """(1,): number of inner steps since the start."""
     velocity: State
     """(L, J): velocities as measured by the drives, rad/s."""
+    sampled: bool
+    """True if the law is computed once a command."""
+    readings: State
+    """(2, 2, L, J): angles, rad, and velocities, rad/s, at the beginning of the last and this sampling period."""
+    law: State
+    """(L, J): torque of the law at the last command, N m, of drives that compute once a command."""
     lagged: State
     """(3, L, J): torques behind the lag, of TORQUE, FEEDFORWARD and DRIVE, N m."""
     acted: Scratch
@@ -112,6 +127,9 @@ def new_drives(
         used=np.full(1, -1.0),
         clock=np.zeros(1),
         velocity=np.zeros(shape),
+        sampled=bus.sampled,
+        readings=np.zeros((2, 2, *shape)),
+        law=np.zeros(shape),
         lagged=np.zeros((3, *shape)),
         acted=np.zeros((3, *shape)),
         torque=np.zeros(shape),
@@ -150,8 +168,8 @@ def send_command(drives: Drives | None, step: int, torque: Array, feedforward: A
 
 
 @kernel
-def _receive(drives: Drives) -> None:
-    """Switch to the newest command that has arrived."""
+def _receive(drives: Drives) -> bool:
+    """Switch to the newest command that has arrived; return True if there is one."""
     now = drives.clock[0]
     newest = int(now) // drives.substeps
     used = int(drives.used[0])
@@ -162,6 +180,7 @@ def _receive(drives: Drives) -> None:
     if arrived > used:
         drives.used[0] = arrived
         copy_array(drives.sent[arrived % drives.due.shape[0]], drives.held)
+    return arrived > used
 
 
 @kernel
@@ -170,15 +189,29 @@ def drive_joints(drives: Drives, q: Counts, dq: Counts, position: Array, velocit
 
     Joints have the rows ``q`` (L, J) of ``position``, rad, and ``dq`` (L, J) of ``velocity``, rad/s.
     """
-    _receive(drives)
+    is_new = _receive(drives)
+    begins = int(drives.clock[0]) % drives.substeps == 0
     drives.clock[0] += 1.0
     held = drives.held
+    readings = drives.readings
     lagged = drives.lagged
     for i in range(q.shape[0]):
         for j in range(q.shape[1]):
             drives.velocity[i, j] += drives.velocity_share * (velocity[dq[i, j]] - drives.velocity[i, j])
-            law = held[STIFFNESS, i, j] * (held[ANGLE, i, j] - position[q[i, j]])
-            law += held[DAMPING, i, j] * (held[VELOCITY, i, j] - drives.velocity[i, j])
+            angle = position[q[i, j]]
+            rate = drives.velocity[i, j]
+            if drives.sampled:
+                if begins:
+                    is_first = drives.clock[0] == 1.0  # nothing is older than the first readings
+                    readings[0, 0, i, j] = angle if is_first else readings[1, 0, i, j]
+                    readings[0, 1, i, j] = rate if is_first else readings[1, 1, i, j]
+                    readings[1, 0, i, j], readings[1, 1, i, j] = angle, rate
+                angle, rate = readings[0, 0, i, j], readings[0, 1, i, j]
+            law = held[STIFFNESS, i, j] * (held[ANGLE, i, j] - angle)
+            law += held[DAMPING, i, j] * (held[VELOCITY, i, j] - rate)
+            if drives.sampled:
+                drives.law[i, j] = law if is_new else drives.law[i, j]
+                law = drives.law[i, j]
             sent = held[TORQUE, i, j] + held[FEEDFORWARD, i, j]
             law = min(max(sent + law, -drives.limit[j]), drives.limit[j]) - sent
             lagged[TORQUE, i, j] += drives.share * (held[TORQUE, i, j] - lagged[TORQUE, i, j])

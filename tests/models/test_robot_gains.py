@@ -1,5 +1,6 @@
 """The delay that the feedback of a robot's legs bears."""
 
+import numpy as np
 import pytest
 from support.doors import BadInput
 from support.robots import read
@@ -13,9 +14,12 @@ from cmacexp.models.robot_gains import (
     RECOMMENDED,
     choose_feedback,
     derive_basis,
+    derive_drive_gains,
     derive_gains,
+    find_critical_damping,
     find_delay_margin,
     find_standing_margin,
+    make_sampling,
     recommend_period,
     require_period,
 )  # fmt: skip
@@ -67,3 +71,18 @@ def test_a_declared_delay_uses_up_the_margin_and_stiffer_posture_lowers_it(lag):
     margin = find(gains)
     assert find(gains, margin / 2.0) == pytest.approx(margin / 2.0, rel=0.05)
     assert find(gains._replace(posture_rate_gain=3.0 * gains.posture_rate_gain)) < 0.8 * margin
+
+
+@pytest.mark.parametrize("delay", [0, 2])
+@pytest.mark.parametrize("period", [0.001, 0.002, 0.005, 0.02])
+def test_drives_that_compute_once_a_command_get_gains_below_their_margin(period, delay):
+    robot = read()
+    sampling = make_sampling(period, delay, 0.0, 0.0)
+    stiffness, damping = derive_drive_gains(robot, sampling)
+    assert damping <= 0.5 * find_critical_damping(robot, sampling)
+    assert damping >= 0.999 * 3.0 * stiffness * period
+    assert sampling.delay.find_critical_gain(period) == pytest.approx(2.0 * np.sin(np.pi / (4 * delay + 6)))
+    assert make_sampling(period, delay, 0.0, 3 * period).delay.find_critical_gain(period) < 1.0
+    free = derive_drive_gains(robot)
+    assert stiffness <= free.drive_stiffness
+    assert damping <= free.drive_damping

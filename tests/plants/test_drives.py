@@ -60,3 +60,26 @@ def test_the_sum_is_limited_and_lags(actuator):
     assert 0.0 < torque < 0.01 * parts.sum()
     filtered, _ = drive(actuator, BusConfig(velocity_lag=10.0), velocity=1.0)
     assert_allclose(filtered[:, DRIVE], 2.0, atol=0.01)
+
+
+def swing(actuator, damping, sampled, steps=400):
+    """Largest velocity, rad/s, in the last tenth of ``steps`` of a free rotor of 0.01 kg m^2 under a drive."""
+    drives = new_drives(actuator, BusConfig(sampled=sampled), PERIOD, SUBSTEPS, (np.inf,), 1)
+    q, dq, rates = np.zeros(1), np.ones(1), []
+    zero = np.zeros((1, 1), dtype=int)
+    for step in range(steps):
+        drives.command[DAMPING] = damping
+        send_command(drives, step, np.zeros((1, 1)), np.zeros((1, 1)))
+        for _ in range(SUBSTEPS):
+            drive_joints(drives, zero, zero, q, dq)
+            dq += drives.torque[0] / 0.01 * PERIOD / SUBSTEPS
+            q += dq * PERIOD / SUBSTEPS
+        rates.append(abs(dq[0]))
+    return max(rates[-steps // 10 :])
+
+
+def test_a_drive_that_computes_once_a_command_shakes_from_the_damping_that_the_rule_stays_below(actuator):
+    critical = 0.01 / PERIOD  # z^2 - z + D T/J: its roots leave the unit circle at 1
+    assert swing(actuator, 0.9 * critical, sampled=True) < 1e-3
+    assert swing(actuator, 1.1 * critical, sampled=True) > 10.0
+    assert swing(actuator, 1.1 * critical, sampled=False) < 1e-3

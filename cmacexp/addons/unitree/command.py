@@ -1,13 +1,18 @@
 """``cmacexp robot``: simulate a robot on this computer for plant=unitree, or move a robot that hangs."""
 
 from functools import partial
+from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from omegaconf import OmegaConf
 
+from cmacexp.addons.unitree.faults import KINDS, NO_FAULT, Fault
 from cmacexp.addons.unitree.hung import draw_chirp, learn_strokes, make_memory
+from cmacexp.addons.unitree.log import recover_log
 from cmacexp.addons.unitree.network import LOOPBACK
-from cmacexp.addons.unitree.simulated import KINDS, NO_FAULT, Fault, SimulatedRobot, play
+from cmacexp.addons.unitree.service import serve_mode
+from cmacexp.addons.unitree.simulated import SimulatedRobot, play
 from cmacexp.commands.command import OVERRIDES, Arguments, command, make_flag
 from cmacexp.commands.robots import quote_value
 from cmacexp.config import config_folder
@@ -66,9 +71,12 @@ def _move_hung(arguments: Arguments) -> None:
 def _play(arguments: Arguments) -> None:
     """Simulate a robot and print one line about the course of the simulation."""
     config = compose_config([*PLAYED, *arguments.overrides])
-    fault = Fault(arguments.fault, round(arguments.after / config.sampling_period), arguments.motor)
+    fault = Fault(arguments.fault, round(arguments.after / config.sampling_period), arguments.motor, arguments.lasts)
     crouch = OmegaConf.load(config_folder() / "plant" / "unitree.yaml").crouch
     robot = SimulatedRobot(config, not arguments.lying, list(crouch))
+    if arguments.sport:
+        mode = Thread(target=serve_mode, args=(LOOPBACK, arguments.domain, "normal"), daemon=True)
+        mode.start()
     print_line(play(robot, LOOPBACK, arguments.domain, LONGEST, fault, arguments.patient))
 
 
@@ -82,8 +90,10 @@ def _play(arguments: Arguments) -> None:
             "help": "move all joints of a robot that hangs and write LOG, for cmacexp gap LOG",
         },
         "--learn": {"metavar": "LEG", "choices": LEG_NAMES, "help": "let one leg of a robot that hangs learn"},
+        "--recover": {"metavar": "LOG", "help": "write LOG from LOG.partial, which a killed run left"},
         "--domain": {"type": int, "default": 0, "metavar": "N", "help": "DDS domain, equal to plant.domain (0)"},
         "--lying": make_flag("start on the ground, not hanging"),
+        "--sport": make_flag("a motion program runs on it, until it is asked to end it"),
         "--patient": make_flag("wait for each command, not in real time"),
         "--fault": {"default": NO_FAULT, "metavar": "KIND", "help": "inject this fault (none)"},
         "--after": {
@@ -92,6 +102,7 @@ def _play(arguments: Arguments) -> None:
             "metavar": "S",
             "help": "time of the fault after the first command, s (0)",
         },
+        "--lasts": {"type": float, "default": 0.1, "metavar": "S", "help": "duration of a stall, s (0.1)"},
         "--motor": {
             "type": int,
             "default": 0,
@@ -103,7 +114,13 @@ def _play(arguments: Arguments) -> None:
     },
 )
 def main(arguments: Arguments) -> None:
-    """Simulate a robot, or move one that hangs; raise CmacexpError unless one of three modes is chosen."""
-    modes = (arguments.simulate, arguments.chirp, arguments.learn)
-    CmacexpError.unless(sum(map(bool, modes)) == 1, "give one of --simulate, --chirp LOG and --learn LEG")
+    """Simulate a robot, or move one that hangs; raise CmacexpError unless one of four modes is chosen."""
+    modes = (arguments.simulate, arguments.chirp, arguments.learn, arguments.recover)
+    CmacexpError.unless(
+        sum(map(bool, modes)) == 1, "give one of --simulate, --chirp LOG, --learn LEG and --recover LOG"
+    )
+    if arguments.recover:
+        rows = recover_log(Path(arguments.recover))
+        print_line(f"{arguments.recover}: {rows} rows")
+        return
     (_play if arguments.simulate else _move_hung)(arguments)

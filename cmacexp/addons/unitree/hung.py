@@ -1,4 +1,4 @@
-"""Motions of a robot that hangs: check of its joints, wait until it is let down, chirp, and learning of one leg."""
+"""Motions before a robot stands: check of its joints, wait for the ground; chirp, and learning of one leg."""
 
 import time
 from collections.abc import Callable
@@ -22,12 +22,18 @@ ANSWERED = 0.04
 """Least measured motion of that joint, rad."""
 CROSSTALK = 0.04
 """Largest measured motion of any other joint, rad."""
+TOUCHED = 0.025
+"""Least measured motion of that joint if the robot lies on the ground, with friction, rad."""
+CARRIED_ALONG = 1.5
+"""Largest measured motion of any other joint over that of this one then, since the trunk moves too."""
 CALF = 2
 """Number of the calf among the joints of a leg."""
 OFF = 0.8
 """Largest difference of the measured holding torque from the model, N m."""
 MOVE = 2.0
 """Duration of a motion to the initial pose, s."""
+SETTLES = 1.0
+"""Time in which a robot that lies comes to rest under the gains of walking, s."""
 HOLD = 0.25
 """Duration of each motion in the check of a joint, s."""
 CARRIED = 0.5
@@ -81,6 +87,28 @@ def check_joints(link: Link, stand: Array, expected: Array) -> None:
             joint == CALF or abs(held - expected[leg, joint]) <= OFF,
             f"{name_joint(leg, joint)} holds {held:.2g} N m, by the model {expected[leg, joint]:.2g}: "
             "does the robot hang, and are order and signs of the joints right?",
+        )
+
+
+def touch_joints(link: Link, crouch: Array, gains: Gains) -> None:
+    """Move each joint of a robot that lies a little and back, and check that it moves, and no other one instead.
+
+    ``crouch`` (4, 3), rad, is the pose, ``gains`` are those of walking. Raises Unsafe.
+    """
+    link.move(crouch, SETTLES, gains)
+    for leg, joint in np.ndindex(crouch.shape):
+        before = link.signals.q
+        goal = crouch.copy()
+        goal[leg, joint] += WIGGLE
+        link.move(goal, HOLD, gains)
+        moves = link.signals.q - before
+        link.move(crouch, HOLD, gains)
+        moved = float(moves[leg, joint])
+        most = float(np.abs(moves).max())
+        Unsafe.unless(
+            moved >= TOUCHED and most <= CARRIED_ALONG * moved,
+            f"{name_joint(leg, joint)}, asked for {WIGGLE:g} rad, moved by {moved:.2g} rad, "
+            f"the others by up to {most:.2g}: are order and signs of the joints right?",
         )
 
 

@@ -2,7 +2,7 @@
 
 Names, types and order are those of Unitree's public interface files (``unitree_go/msg``). In memory a message is a
 structured array of NumPy with the layout of a C compiler, over which the checksum is computed; on the wire it is in
-CDR, which aligns each number to a multiple of its size, but does not align structures.
+CDR, little-endian, which aligns each number to a multiple of its size, but does not align structures.
 """
 
 import zlib
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Message = NDArray[np.void]
-"""A structured array of shape () with a type of STRUCTURES, such as ``message["motor_cmd"]["q"]`` (20,)."""
+"""A structured array of shape (), of type LOW_CMD or LOW_STATE, such as ``message["motor_cmd"]["q"]`` (20,)."""
 
 
 MOTOR_CMD = np.dtype(
@@ -69,14 +69,6 @@ LOW_STATE = np.dtype(
     align=True,
 )  # fmt: skip
 """power_v in V; feet in the order of the motors."""
-STRUCTURES = {
-    MOTOR_CMD: "MotorCmd_", BMS_CMD: "BmsCmd_", LOW_CMD: "LowCmd_", IMU_STATE: "IMUState_",
-    MOTOR_STATE: "MotorState_", BMS_STATE: "BmsState_", LOW_STATE: "LowState_",
-}  # fmt: skip
-"""Names of structures on the wire."""
-
-LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-"""Header of a message on the wire: plain CDR, little-endian."""
 PADDING = -1
 """Index of a byte of padding, which has no counterpart in memory."""
 JOINTS = np.array([[3, 4, 5], [0, 1, 2], [9, 10, 11], [6, 7, 8]])
@@ -114,20 +106,16 @@ def lay_out(kind: np.dtype[Any]) -> NDArray[np.intp]:
 def encode(message: Message) -> bytes:
     """Return the bytes of a message on the wire."""
     memory = np.frombuffer(message.tobytes() + b"\0", dtype=np.uint8)  # PADDING, -1, takes the last byte
-    return LITTLE_ENDIAN + memory[lay_out(message.dtype)].tobytes()
+    return memory[lay_out(message.dtype)].tobytes()
 
 
 def decode(kind: np.dtype[Any], data: bytes) -> Message:
-    """Return the message of a ``kind`` of STRUCTURES from its bytes on the wire.
-
-    Raises ValueError if the bytes have another encoding or length.
-    """
+    """Return the message of a ``kind``, LOW_CMD or LOW_STATE, from its bytes; raise ValueError if some lack."""
     offsets = lay_out(kind)
-    size = len(LITTLE_ENDIAN) + len(offsets)
-    if data[:2] != LITTLE_ENDIAN[:2] or not size <= len(data) <= size + 3:
-        raise ValueError(f"{len(data)} bytes that begin with {data[:4].hex()}, not {size} of plain CDR")
+    if len(data) != len(offsets):
+        raise ValueError(f"{len(data)} bytes, not {len(offsets)}")
     memory = np.zeros(kind.itemsize + 1, dtype=np.uint8)
-    memory[offsets] = np.frombuffer(data, dtype=np.uint8)[len(LITTLE_ENDIAN) : size]
+    memory[offsets] = np.frombuffer(data, dtype=np.uint8)
     return memory[:-1].view(kind).reshape(())
 
 
@@ -149,6 +137,12 @@ def new_command() -> Message:
     command["level_flag"] = LEVEL_LOW
     command["motor_cmd"]["mode"][JOINTS] = MOTORS_ON
     return command
+
+
+def is_damping(command: Message) -> bool:
+    """Return True if a LowCmd damps all motors, or does nothing, so that it cannot move a robot."""
+    motors = command["motor_cmd"]
+    return not motors["kp"].any() and not motors["tau"].any() and not motors["dq"].any()
 
 
 def set_motors(command: Message, **values: Any) -> None:

@@ -1,19 +1,21 @@
-"""LowCmd and LowState over DDS: a writer and a reader of messages as bytes, on one network interface."""
+"""Topics over DDS on one network interface, by the C interface of Cyclone DDS: LowCmd, LowState and services.
 
+The Python interface of Cyclone DDS 11 announces each type with its description. A peer on 0.10.5, which is about what
+a Go2 runs, ends with a segmentation fault when it asks for that description and gets it (3 of 3 times). Topics that
+are created here are announced by the name of their type only, as by compilers of interface files before 0.10, and
+only in plain CDR. Peers then compare names.
+"""
+
+import ctypes as ct
 import os
 import socket
 from contextlib import suppress
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
+from cmacexp.addons.unitree.messages import LOW_CMD, LOW_STATE, Message, decode, encode, lay_out
+from cmacexp.errors import BadInput, CmacexpError, require, require_extra
 
-from cmacexp.addons.unitree.messages import LOW_CMD, LOW_STATE, STRUCTURES, Message, decode, encode
-from cmacexp.errors import BadInput, require, require_extra
-
-COMMANDS, STATES = "rt/lowcmd", "rt/lowstate"
-TOPICS = {COMMANDS: LOW_CMD, STATES: LOW_STATE}
-"""Types of the messages, by topic."""
 LOOPBACK = "lo"
 MOST = 230
 """Largest number of a DDS domain for which the port numbers are valid."""
@@ -21,10 +23,69 @@ SETTINGS = """<CycloneDDS><Domain Id="any">
 <General><Interfaces><NetworkInterface name="{interface}" multicast="default"/></Interfaces></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex></Discovery>
 </Domain></CycloneDDS>"""
-
-
+FIELD, STRING, SEQUENCE, ARRAY = 1 << 24, 5 << 16, 7 << 16, 8 << 16
+BYTES = 1 << 8
+NUMBERS = {1: 1 << 16, 2: 2 << 16, 4: 3 << 16, 8: 4 << 16}
+"""Numbers of a given size in bytes. These and the constants above are instructions of ``dds_opcodes.h``."""
+NEW = 2 | 12 | 112
+"""Mask of samples that were not taken, of any view and instance."""
+PLAIN_CDR = 0
+IGNORE_OWN = 1
+"""A reader receives nothing from its own participant."""
 PRIORITY = 10
 """Real-time priority of a thread that controls a robot; below that of threads of the kernel."""
+
+
+class Sequence(ct.Structure):
+    """A sequence of bytes, empty unless it is received."""
+
+    _fields_ = (("most", ct.c_uint32), ("length", ct.c_uint32), ("data", ct.c_void_p), ("release", ct.c_bool))
+
+
+class _Descriptor(ct.Structure):
+    """``dds_topic_descriptor_t``, with no description of the type for other participants."""
+
+    _fields_ = (
+        *((name, ct.c_uint32) for name in ("size", "align", "flags", "keys")),
+        ("name", ct.c_char_p),
+        ("key", ct.c_void_p),
+        ("count", ct.c_uint32),
+        ("program", ct.POINTER(ct.c_uint32)),
+        *((name, ct.c_void_p) for name in ("meta", "type", "type_size", "mapping", "mapping_size")),
+        *((name, ct.c_uint32) for name in ("representations", "members")),
+    )
+
+
+class _SampleInfo(ct.Structure):
+    """``dds_sample_info_t``."""
+
+    _fields_ = (
+        *((name, ct.c_int32) for name in ("sample", "view", "instance")),
+        ("valid", ct.c_bool),
+        ("time", ct.c_int64),
+        *((name, ct.c_uint64) for name in ("handle", "publication")),
+        *((name, ct.c_uint32) for name in ("disposed", "unwritten", "rank", "generation", "absolute")),
+    )
+
+
+class Topic(NamedTuple):
+    """A topic of DDS: its name, and the name and the layout of its type, a structure of ctypes."""
+
+    name: str
+    type_name: str
+    layout: type[ct.Structure]
+
+
+def _make_bytes(size: int) -> type[ct.Structure]:
+    """Make the layout of ``size`` bytes, which DDS does not interpret."""
+    return type("Bytes", (ct.Structure,), {"_fields_": (("data", ct.c_ubyte * size),)})
+
+
+COMMANDS, STATES = (
+    Topic(f"rt/{name.lower()}", f"unitree_go::msg::dds_::{name}_", _make_bytes(len(lay_out(kind))))
+    for name, kind in (("LowCmd", LOW_CMD), ("LowState", LOW_STATE))
+)
+KINDS = {COMMANDS: LOW_CMD, STATES: LOW_STATE}
 
 
 def run_first(first: bool) -> None:
@@ -37,91 +98,166 @@ def run_first(first: bool) -> None:
         os.sched_setscheduler(0, policy, os.sched_param(priority))
 
 
-def make_sample(kind: Any, data: bytes, /, **options: Any) -> Any:
-    """Return a DDS sample of a type of messages that holds its bytes as ``data``."""
-    sample = kind.__new__(kind)
-    sample.data = data
-    return sample
+@cache
+def _load() -> ct.CDLL:
+    """Load the C library of the package cyclonedds; raise CmacexpError without the package."""
+    require_extra("cyclonedds")
+    from cyclonedds.__library__ import library_path
+
+    return ct.CDLL(str(library_path))
+
+
+def _call(name: str, *arguments: Any) -> int:
+    """Call a function of DDS that returns an entity or a number; raise CmacexpError if it returns an error."""
+    value = int(getattr(_load(), name)(*arguments))
+    if value < 0:
+        _load().dds_strretcode.restype = ct.c_char_p
+        raise CmacexpError(f"DDS: {name} failed: {_load().dds_strretcode(value).decode()}")
+    return value
 
 
 @cache
-def make_type(kind: np.dtype[Any]) -> Any:
-    """Return the DDS type for a type of NumPy; its samples hold bytes, which DDS does not convert."""
-    from cyclonedds.idl import annotations, make_idl_struct, types
-
-    array: Any = types.array
-    if kind.subdtype is not None:
-        inner, (count,) = kind.subdtype
-        return array[make_type(inner), count]
-    if kind not in STRUCTURES:
-        return vars(types)[kind.name]
-    name = STRUCTURES[kind]
-    fields = {field: make_type(kind[field]) for field in kind.names or ()}
-    struct: Any = make_idl_struct(name, f"unitree_go.msg.dds_.{name}", fields)
-    struct.serialize = lambda sample, **options: sample.data
-    struct.deserialize = classmethod(make_sample)
-    return annotations.autoid("sequential")(annotations.final(struct))
-
-
-@cache
-def join(interface: str, domain: int) -> Any:
-    """Return the DDS ``domain`` on a network ``interface``; it is kept until this process ends.
+def join(interface: str, domain: int) -> int:
+    """Join the DDS ``domain`` on a network ``interface`` until this process ends; return its entity.
 
     Raises BadInput if there is no such interface, or if this process has joined the domain on another one.
     """
-    from cyclonedds.core import DDSException
-    from cyclonedds.domain import Domain
-
     require(0 <= domain <= MOST, "plant.domain", domain, f"must be at least 0 and at most {MOST}")
     names = [name for _, name in socket.if_nameindex()]
     require(
         interface in names, "plant.interface", interface, f"no such network interface; choose from {', '.join(names)}"
     )
+    _load()
     try:
-        return Domain(domain, SETTINGS.format(interface=interface))
-    except DDSException as error:
+        return _call("dds_create_domain", ct.c_uint32(domain), SETTINGS.format(interface=interface).encode())
+    except CmacexpError as error:
         raise BadInput(
             "plant.domain", domain, "this process has joined it on another interface: start another process"
         ) from error
 
 
-class Wire:
-    """A DDS participant that sends messages of one topic and receives those of another."""
+def _list_program(layout: type[ct.Structure]) -> list[int]:
+    """List the instructions by which DDS reads and writes a structure in CDR."""
+    program = []
+    for name, kind, *_ in layout._fields_:
+        offset = getattr(layout, name).offset
+        if kind is ct.c_char_p:
+            program += [FIELD | STRING, offset]
+        elif kind is Sequence:
+            program += [FIELD | SEQUENCE | BYTES, offset]
+        elif issubclass(kind, ct.Array):
+            program += [FIELD | ARRAY | BYTES, offset, kind._length_]
+        else:
+            program += [FIELD | NUMBERS[ct.sizeof(kind)], offset]
+    return [*program, 0]
 
-    def __init__(self, interface: str, domain: int, sends: str | None, receives: str | None):
+
+class Port:
+    """A DDS participant that reads and writes topics."""
+
+    def __init__(self, interface: str, domain: int):
+        """Join a DDS ``domain`` on a network ``interface``; raise BadInput if that fails."""
+        join(interface, domain)
+        self._participant = _call("dds_create_participant", ct.c_uint32(domain), None, None)
+        create = _load().dds_create_qos
+        create.restype = ct.c_void_p
+        self._quality = ct.c_void_p(create())
+        _load().dds_qset_data_representation(self._quality, 1, (ct.c_int16 * 1)(PLAIN_CDR))
+        _load().dds_qset_ignorelocal(self._quality, IGNORE_OWN)
+
+    def _create(self, function: str, topic: Topic) -> int:
+        program = _list_program(topic.layout)
+        descriptor = _Descriptor(
+            size=ct.sizeof(topic.layout),
+            align=ct.alignment(topic.layout),
+            name=topic.type_name.encode(),
+            count=len(program),
+            program=(ct.c_uint32 * len(program))(*program),
+        )
+        entity = _call("dds_create_topic", self._participant, ct.byref(descriptor), topic.name.encode(), None, None)
+        return _call(function, self._participant, entity, self._quality, None)
+
+    def open_writer(self, topic: Topic) -> "Writer":
+        """Open a writer of a topic."""
+        return Writer(self._create("dds_create_writer", topic))
+
+    def open_reader(self, topic: Topic) -> "Reader":
+        """Open a reader of a topic, which keeps the newest sample only."""
+        return Reader(self._participant, self._create("dds_create_reader", topic), topic.layout)
+
+
+class Writer:
+    """A writer of one topic."""
+
+    def __init__(self, entity: int):
+        self._entity = entity
+
+    def write(self, sample: Any) -> None:
+        """Write a sample, in the layout of the topic."""
+        _call("dds_write", self._entity, ct.byref(sample))
+
+    def has_reader(self) -> bool:
+        """Return True if anybody reads the topic."""
+        return _call("dds_get_matched_subscriptions", self._entity, None, ct.c_size_t(0)) > 0
+
+
+class Reader:
+    """A reader of one topic."""
+
+    def __init__(self, participant: int, entity: int, layout: type[ct.Structure]):
+        self._entity = entity
+        self._layout = layout
+        self._arrivals = _call("dds_create_waitset", participant)
+        condition = _call("dds_create_readcondition", entity, ct.c_uint32(NEW))
+        _call("dds_waitset_attach", self._arrivals, condition, ct.c_ssize_t(0))
+
+    def read(self, timeout: float) -> Any:
+        """Wait for a sample and return the newest, or None if none arrives within ``timeout``, s."""
+        if timeout > 0.0 and not _call(
+            "dds_waitset_wait", self._arrivals, None, ct.c_size_t(0), ct.c_int64(int(timeout * 1e9))
+        ):
+            return None
+        sample = self._layout()
+        info = _SampleInfo()
+        place = (ct.c_void_p * 1)(ct.addressof(sample))
+        count = _call("dds_take", self._entity, place, ct.byref(info), ct.c_size_t(1), ct.c_uint32(1))
+        return sample if count and info.valid else None
+
+
+class Wire:
+    """A DDS participant that sends LowCmd or LowState, and receives the other one, or both."""
+
+    def __init__(self, interface: str, domain: int, sends: Topic | None, receives: Topic | None):
         """Join a DDS ``domain`` on a network ``interface``; raise BadInput if that fails.
 
         The topics ``sends`` and ``receives`` are COMMANDS or STATES; None: nothing is sent, or received.
         """
-        require_extra("cyclonedds")
-        from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
-        from cyclonedds.domain import DomainParticipant
-        from cyclonedds.pub import DataWriter
-        from cyclonedds.sub import DataReader
-        from cyclonedds.topic import Topic
-
-        join(interface, domain)
-        self._participant = participant = DomainParticipant(domain)
-        if sends is not None:
-            self._kind = make_type(TOPICS[sends])
-            self._writer = DataWriter(participant, Topic(participant, sends, self._kind))
-        if receives is not None:
-            self._received = TOPICS[receives]
-            self._reader = DataReader(participant, Topic(participant, receives, make_type(self._received)))
-            self._arrivals = WaitSet(participant)
-            self._new = ReadCondition(self._reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
-            self._arrivals.attach(self._new)
+        port = Port(interface, domain)
+        self._writer = None if sends is None else port.open_writer(sends)
+        self._sent = sends
+        self._received = receives
+        self._reader = None if receives is None else port.open_reader(receives)
+        self._others = None if sends is None else port.open_reader(sends)
 
     def receive(self, timeout: float) -> Message | None:
         """Wait for a message and return the newest, or None if none arrives within ``timeout``, s.
 
         Only the newest message is kept; older ones that were not received are lost.
         """
-        if self._arrivals.wait(int(timeout * 1e9)) == 0:
-            return None
-        data = [vars(sample)["data"] for sample in self._reader.take(1) if "data" in vars(sample)]
-        return decode(self._received, data[-1]) if data else None
+        assert self._reader is not None
+        assert self._received is not None
+        sample = self._reader.read(timeout)
+        return None if sample is None else decode(KINDS[self._received], bytes(sample))
+
+    def receive_other(self) -> Message | None:
+        """Return the newest message that another participant has sent on the topic of this one, if it is new."""
+        assert self._others is not None
+        assert self._sent is not None
+        sample = self._others.read(0.0)
+        return None if sample is None else decode(KINDS[self._sent], bytes(sample))
 
     def send(self, message: Message) -> None:
         """Send a message."""
-        self._writer.write(make_sample(self._kind, encode(message)))
+        assert self._writer is not None
+        assert self._sent is not None
+        self._writer.write(self._sent.layout.from_buffer_copy(encode(message)))

@@ -3,16 +3,18 @@
 It is the robot of ``plant=mujoco_robot_rigid`` with the drives of :mod:`cmacexp.plants.drives`; lag, delay of
 commands and differences from its model are those of its config. It hangs at first, as a real robot should, and is let
 down once its commands have been constant for a while; or it lies on the ground. Without new commands its motors
-repeat the last one. To practise failures it can have one fault at a time, from a given time on.
+repeat the last one; it ends when it was only damped for a while. To practise failures it can have a fault
+(:mod:`cmacexp.addons.unitree.faults`).
 """
 
 import gc
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
+from cmacexp.addons.unitree.faults import Fault
 from cmacexp.addons.unitree.messages import (
     HEADER,
     JOINTS,
@@ -21,12 +23,13 @@ from cmacexp.addons.unitree.messages import (
     Message,
     compute_checksum,
     get_motors,
+    is_damping,
 )
 from cmacexp.addons.unitree.network import COMMANDS, STATES, Wire, run_first
 from cmacexp.config.component import find_option
 from cmacexp.config.machine import read_model
 from cmacexp.config.schema import Config, read_component
-from cmacexp.errors import require, require_name
+from cmacexp.errors import require
 from cmacexp.jit.compiler import program
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.scenario import make_scenario
@@ -34,105 +37,6 @@ from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, TORQUE, VELOCITY, n
 from cmacexp.plants.mujoco_kernels import advance_engine
 from cmacexp.plants.mujoco_robot import MujocoRobot
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig
-
-NO_FAULT = "none"
-KINDS = {
-    NO_FAULT: "no fault",
-    "lost_states": "5 % of the states are lost",
-    "lost_commands": "5 % of the commands are lost, and counted by the motors",
-    "late": "no states for 20 ms, twice a second",
-    "frozen": "the same state is sent in every step",
-    "frozen_numbers": "the same state with a counting tick is sent in every step",
-    "nan": "one joint angle is not a number",
-    "stuck": "the encoder of one joint is stuck",
-    "sign": "encoder and motor of one joint have the wrong sign",
-    "sign_of_encoder": "the encoder of one joint has the wrong sign",
-    "swapped": "the cables of two legs are swapped",
-    "swapped_encoders": "the encoder cables of two legs are swapped",
-    "hot": "one motor is at 90 degrees Celsius",
-    "empty": "the battery is at 20 V",
-}
-"""Faults of a simulated robot, with their effect."""
-LOST = 0.05
-"""Probability that a message is lost under the faults ``lost_states`` and ``lost_commands``."""
-BURST, EVERY = 10, 250
-"""Under the fault ``late``, number of states that are not sent out of this number."""
-MEASURED = ("q", "dq", "tau_est")
-"""Fields of a motor in a state."""
-COMMANDED = ("q", "dq", "tau")
-"""Fields of a motor in a command, without its gains."""
-
-
-@dataclass
-class Fault:
-    """A fault of a simulated robot; raises BadInput if its kind is not one of KINDS."""
-
-    kind: str = NO_FAULT
-    start: int = 0
-    """First state with the fault, counted from the first command; 0: the fault is always present."""
-    motor: int = 0
-    """Faulty motor, 0 to 11; faults of two legs affect the leg of this motor and the next leg."""
-    _first: Message | None = field(default=None, init=False)
-    """State at the beginning of the fault."""
-    _lost: int = field(default=0, init=False)
-    """Number of lost commands."""
-
-    def __post_init__(self) -> None:
-        require_name("--fault", self.kind, KINDS)
-        self._random = np.random.default_rng(0)
-
-    def spoil_command(self, command: Message, step: int) -> Message | None:
-        """Return the command as the motors receive it in a ``step``, or None if it is lost."""
-        if step < self.start:
-            return command
-        if self.kind == "lost_commands" and self._random.random() < LOST:
-            self._lost += 1
-            return None
-        if self.kind in ("sign", "swapped"):
-            self._disturb(command["motor_cmd"], COMMANDED if self.kind == "sign" else (*COMMANDED, "kp", "kd"))
-            command["crc"] = compute_checksum(command)
-        return command
-
-    def spoil_state(self, state: Message, step: int) -> Message | None:
-        """Return the state as it is sent in a ``step``, or None if it is not sent."""
-        if step < self.start:
-            return state
-        is_held_back = self.kind == "late" and (step - self.start) % EVERY < BURST
-        if is_held_back or (self.kind == "lost_states" and self._random.random() < LOST):
-            return None
-        first = self._first = state.copy() if self._first is None else self._first
-        sent = (first if self.kind.startswith("frozen") else state).copy()
-        motors = sent["motor_state"]
-        motors["lost"] = self._lost
-        match self.kind:
-            case "frozen_numbers":
-                sent["tick"] = state["tick"]
-            case "sign" | "swapped":
-                self._disturb(motors, MEASURED)
-            case "sign_of_encoder" | "swapped_encoders":
-                self._disturb(motors, ("q", "dq"))
-            case "nan":
-                motors["q"][self.motor] = np.nan
-            case "stuck":
-                motors["q"][self.motor] = first["motor_state"]["q"][self.motor]
-                motors["dq"][self.motor] = 0.0
-            case "hot":
-                motors["temperature"][self.motor] = 90
-            case "empty":
-                sent["power_v"] = 20.0
-        return sent
-
-    def _disturb(self, motors: Message, names: Sequence[str]) -> None:
-        """Invert the sign of these fields of the faulty motor, or exchange them between two legs."""
-        leg = self.motor // 3
-        following = (leg + 1) % 4
-        for name in names:
-            legs = motors[name][:12].reshape(4, 3)
-            if self.kind.startswith("sign"):
-                motors[name][self.motor] *= -1.0
-            else:
-                legs[[leg, following]] = legs[[following, leg]]
-
 
 HANG = 0.5
 """Height of the feet above the ground while the robot hangs, m."""
@@ -149,7 +53,7 @@ BELLY = 0.07
 SPIN = 2e-4
 """Time before a state is due in which the process polls instead of sleeping, s."""
 IDLE = 5.0
-"""Time without a command after which the simulation ends, s, once it has received one."""
+"""Time without a command, except for damping, after which the simulation ends, s, once it has received one."""
 PATIENCE = 0.5
 """Time for which a patient robot waits for a command, s."""
 VOLTAGE = 28.0
@@ -296,13 +200,15 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
     while (now := time.perf_counter()) < end and (not commands or now - last_command < IDLE):
         command = wire.receive(PATIENCE if patient and commands else 0.0)
         if command is not None and (command := fault.spoil_command(command, age)) is not None:
-            last_command = now
+            last_command = last_command if commands and is_damping(command) else now
             commands += 1
             robot.take(command)
         robot.step()
         robot.fill(state)
         state["tick"] = robot.steps
         age += commands > 0
+        if (lasts := fault.stall(age)) > 0.0:
+            time.sleep(lasts)
         if (spoilt := fault.spoil_state(state, age)) is not None:
             wire.send(spoilt)
         if patient and commands:

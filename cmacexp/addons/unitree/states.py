@@ -26,7 +26,11 @@ LONG = 250
 FAR = 10
 """Consecutive states for which a joint may be far from its command."""
 LOSS_WINDOW = 500
-"""Number of states over which lost states are counted."""
+"""Number of states over which gaps are counted."""
+LEAP = 0.1
+"""Largest difference of an angle from what the velocities before and after explain, rad."""
+STOP = ((2, 1 << 5), (3, 1 << 1))
+"""Byte and bit of the buttons L2 and B in ``wireless_remote``: together the emergency stop of Unitree's programs."""
 
 
 class Unsafe(Diverged):
@@ -51,6 +55,8 @@ class Reading(NamedTuple):
     """Voltage of the battery, V."""
     lost: int
     """Number of packets that the buses of all motors have lost so far."""
+    stop: bool
+    """True while L2 and B of the remote control are pressed."""
 
 
 def read_state(message: Message) -> Reading:
@@ -70,7 +76,14 @@ def read_state(message: Message) -> Reading:
         accelerometer=imu["accelerometer"].astype(float),
         tick=np.array([float(message["tick"])]),
     )
-    return Reading(signals, float(motors["temperature"].max()), float(message["power_v"]), int(motors["lost"].sum()))
+    remote = message["wireless_remote"]
+    return Reading(
+        signals,
+        temperature=float(motors["temperature"].max()),
+        voltage=float(message["power_v"]),
+        lost=int(motors["lost"].sum()),
+        stop=all(remote[byte] & bit for byte, bit in STOP),
+    )
 
 
 @dataclass(kw_only=True)
@@ -78,10 +91,10 @@ class LimitsConfig:
     """Limits at which a run on a robot ends."""
 
     silence: float = number("s", above=0, at_most=10)
-    """Longest time from one state to the next."""
+    """Longest time from one state to the next, and, beyond ``plant.guardian``, from one command to the next."""
     lost: float = number("", at_least=0, at_most=1)
-    """Largest share of states, or of packets to the motors, that may be lost within LOSS_WINDOW states. 1: no limit,
-    and ticks need not grow, for a simulator that does not count its states."""
+    """Largest share of LOSS_WINDOW states before which others, or packets to the motors, were lost. 1: no limit, and
+    ticks need not grow, for a simulator that does not count its states."""
     tilt: float = number("rad", above=0, at_most=3)
     """Largest pitch and roll."""
     speed: float = number("rad/s", above=0, at_most=100)
@@ -89,11 +102,17 @@ class LimitsConfig:
     deviation: float = number("rad", above=0, at_most=3)
     """Largest difference of a joint angle from its command that may last for FAR states."""
     torque: float = number("N m", above=0, at_most=1000)
-    """Largest commanded torque of a motor, its feedback included; it is limited to that, and the run continues."""
+    """Largest commanded torque of a motor, alone and with its feedback; the run continues at the limit."""
+    stiffness: float = number("N m/rad", above=0, at_most=1000)
+    """Largest stiffness that may be commanded."""
+    damping: float = number("N m s/rad", above=0, at_most=100)
+    """Largest damping that may be commanded."""
     temperature: float = number("degrees Celsius", above=0, at_most=150)
     """Largest temperature of a motor."""
     voltage: float = number("V", at_least=0, at_most=100)
     """Least voltage of the battery."""
+    overvoltage: float = number("V", above=0, at_most=1000)
+    """Largest voltage of the battery; a larger robot has more."""
 
 
 class StateWatch:
@@ -106,11 +125,26 @@ class StateWatch:
         self.missed = 0
         """Number of states that have not arrived so far."""
         self._last: Reading | None = None
-        self._lost = deque[int](maxlen=LOSS_WINDOW)
+        self._lost = deque[bool](maxlen=LOSS_WINDOW)
         self._far = np.zeros(joints, dtype=int)
         self._still = np.zeros(joints, dtype=int)
         self._commanded = np.zeros(joints)
         """Commanded angles when each joint last moved, rad."""
+
+    def find_leap(self, reading: Reading, elapsed: float, period: float) -> str:
+        """Return the trouble of a state in which an angle has moved as no velocity explains; empty: none.
+
+        It arrived ``elapsed`` seconds after the last one. A robot that stood still meanwhile, as a simulator on a
+        busy computer does, moved for a sampling ``period`` only.
+        """
+        if self._last is None:
+            return ""
+        before, now = self._last.signals, reading.signals
+        moves = np.stack([rate * time for rate in (before.dq, now.dq) for time in (period, max(period, elapsed))])
+        off = np.abs(now.q - np.clip(now.q, before.q + moves.min(axis=0), before.q + moves.max(axis=0)))
+        if not off.max() > LEAP:
+            return ""
+        return f"the angle of {_largest(off)} leaps by {off.max():.2g} rad more than its velocity explains"
 
     def check(self, reading: Reading, commanded: Array) -> None:
         """Compare a state with the limits, and with the commanded angles (L, J), rad; raise Unsafe."""
@@ -127,11 +161,13 @@ class StateWatch:
             trouble = "{} of {:.3g} {} is above plant.limits.{}={:g}"
             Unsafe.unless(value <= limit, trouble, name, value, unit, name, limit)
         Unsafe.unless(
-            reading.voltage >= limits.voltage,
-            "voltage of {:.3g} V is below plant.limits.voltage={:g}",
+            limits.voltage <= reading.voltage <= limits.overvoltage,
+            "voltage of {:.3g} V is not from plant.limits.voltage={:g} to overvoltage={:g}, as of a Go2",
             reading.voltage,
             limits.voltage,
+            limits.overvoltage,
         )
+        Unsafe.unless(not reading.stop, "the remote control asks for a stop: L2 and B are pressed")
         off = np.abs(commanded - signals.q)
         self._far = np.where(off > limits.deviation, self._far + 1, 0)
         Unsafe.unless(
@@ -160,11 +196,11 @@ class StateWatch:
         )
         gap = max(0, round(passed) - 1)
         self.missed += gap
-        self._lost.append(max(gap, reading.lost - last.lost))
+        self._lost.append(gap > 0 or reading.lost > last.lost)
         share = sum(self._lost) / LOSS_WINDOW
         Unsafe.unless(
             share <= self.limits.lost,
-            "{:.2g} % of packets lost within {} states: plant.limits.lost={:g}",
+            "packets lost before {:.2g} % of {} states: plant.limits.lost={:g}",
             100 * share,
             LOSS_WINDOW,
             self.limits.lost,

@@ -17,9 +17,11 @@ from typing import Any
 import numpy as np
 
 from cmacexp.addons.unitree.guardian import Guardian
-from cmacexp.addons.unitree.hung import check_joints, find_holding_torque, wait_for_ground
+from cmacexp.addons.unitree.hung import SOFT, check_joints, find_holding_torque, touch_joints, wait_for_ground
 from cmacexp.addons.unitree.link import Gains, Link
+from cmacexp.addons.unitree.log import Log
 from cmacexp.addons.unitree.network import MOST
+from cmacexp.addons.unitree.service import release_sport_mode
 from cmacexp.addons.unitree.states import LimitsConfig, name_joint
 from cmacexp.config import ComponentConfig, Config, number
 from cmacexp.config.component import find_option
@@ -30,6 +32,7 @@ from cmacexp.errors import BadInput, require
 from cmacexp.jit.compiler import program
 from cmacexp.models.leg import GRAVITY
 from cmacexp.planning.plan import Setup
+from cmacexp.plants.drives import ReceiverConfig
 from cmacexp.protocols import Drive, Measurement, RobotSignals
 from cmacexp.sensors.estimator import estimate
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig, ProprioceptiveSensors
@@ -37,6 +40,10 @@ from cmacexp.typing import Array
 
 PLAY = 0.1
 """Tolerance of the joint ranges of the model, rad."""
+SETTLES = 1.0
+"""Duration of the transition from walking to the standing pose, s."""
+AUTO = "auto"
+"""Value of ``plant.log`` for a file named by the time."""
 
 
 class Stage(StrEnum):
@@ -44,6 +51,8 @@ class Stage(StrEnum):
 
     CONNECT = "connect"
     CHECK = "check while it hangs"
+    CROUCH = "crouch"
+    TOUCH = "check while it lies"
     LOWER = "wait for the ground"
     STAND = "stand up"
     WALK = "walk"
@@ -65,20 +74,25 @@ class UnitreeRobot:
         """DDS domain; 0 on a real robot."""
         hung: bool = field()
         """true: the robot hangs; its joints are checked, then it is let down. false: it lies on the ground."""
+        release: bool = field()
+        """true: end the motion program (sport mode) of the robot first. false: none runs."""
         let_down: float = number("s", above=0, at_most=3600)
         """Longest time until a robot that was let down stands on the ground."""
         rise: float = number("s", above=0, at_most=60)
         """Duration of standing up, and of sitting down."""
         blend: float = number("s", above=0, at_most=60)
-        """Duration of the transition from the standing pose to the commands of the controller."""
+        """Duration of the transition from the standing pose to the commands of the controller; at most a cycle."""
         guardian: float = number("s", above=0, at_most=10)
-        """Time without a command after which the guardian, a separate process, damps the robot."""
+        """Time without a command after which the guardian, a separate process, holds the robot ever more softly;
+        ``limits.silence`` later it damps it."""
         damping: float = number("N m s/rad", above=0, at_most=100)
         """Damping of the joints when the robot is damped."""
         crouch: list[float] = number("rad", at_least=-7, at_most=7)
         """Angles of hip, thigh and calf when the robot sits."""
         log: str | None = field()
-        """Parquet file for states and commands; ``cmacexp gap`` reads it if kp and kd are constant. null: no file."""
+        """Parquet file for states and commands; ``cmacexp gap`` reads it if kp and kd are constant. auto: one in
+        outputs/robot, named by the time; null: no file."""
+        bus: ReceiverConfig = field()
         limits: LimitsConfig = field()
         estimator: ProprioceptiveConfig = field()
         """State estimator. Its sensor imperfections are for simulations; a real robot has its own."""
@@ -97,6 +111,10 @@ class UnitreeRobot:
             file = "go2, or machine.path=FILE of a robot with its motors, with plant=unitree"
             blends = "null with plant=unitree, whose first cycle blends from standing"
             planned = "dynamic or static with plant=unitree: making a plan takes longer than a step"
+            gains = read_component(vars(config)["controller"])
+            stiffness, damping = gains.get("stiffness", 0.0), gains.get("damping", 0.0)
+            cycle = config.gait.cycle_time
+            limits = self.limits
             for key, value, fits, allowed in (
                 ("machine.kind", kind, kind == "robot", "robot with plant=unitree: use scenario=robot"),
                 ("controller", controller, controller == "drives", f"drives {by_itself}"),
@@ -105,6 +123,24 @@ class UnitreeRobot:
                 ("learning.start_from", start, start is None, blends),
                 ("force_control.load_sharing", sharing, sharing != "adaptive", planned),
                 ("plant.crouch", self.crouch, len(self.crouch) == 3, "three angles: hip, thigh, calf"),
+                (
+                    "plant.blend",
+                    self.blend,
+                    self.blend <= cycle,
+                    f"at most gait.cycle_time={cycle:g}: cycle 2 must be whole",
+                ),
+                (
+                    "controller.stiffness",
+                    stiffness,
+                    stiffness <= limits.stiffness,
+                    f"at most plant.limits.stiffness={limits.stiffness:g}",
+                ),
+                (
+                    "controller.damping",
+                    damping,
+                    damping <= limits.damping,
+                    f"at most plant.limits.damping={limits.damping:g}",
+                ),
             ):
                 require(fits, key, value, f"must be {allowed}")
 
@@ -133,8 +169,8 @@ class UnitreeRobot:
         config = self.config
         machine = setup.config.machine
         assert isinstance(machine, RobotMachine)
-        has_folder = config.log is None or Path(config.log).parent.is_dir()
-        require(has_folder, "plant.log", config.log, "must lie in a folder that exists")
+        log = self._name_log()
+        require(log is None or log.parent.is_dir(), "plant.log", config.log, "must lie in a folder that exists")
         self.setup = setup
         self.robot = read_model(machine)
         self.stand = np.ascontiguousarray(setup.start)
@@ -147,17 +183,47 @@ class UnitreeRobot:
             RobotSignals(self.stand, still, still, np.zeros(3), np.zeros(3), acceleration, np.zeros(1))
         )
         self._enter(Stage.CONNECT)
-        self.link = Link(
-            config.interface,
-            config.domain,
-            setup.config.sampling_period,
-            config.limits,
-            config.log is not None,
-        )
+        released = release_sport_mode(config.interface, config.domain) if config.release else "not looked for"
+        link = self.link = Link(config.interface, config.domain, setup.config.sampling_period, config.limits)
         self._require_ranges("plant.interface", config.interface, self.link.signals.q)
-        self._require_ranges("plant.crouch", config.crouch, np.array([config.crouch] * len(self.stand)))
-        self.link.guardian = Guardian(config.interface, config.domain, config.damping, config.guardian)
+        self.crouch = np.array([config.crouch] * len(self.stand))
+        self._require_ranges("plant.crouch", config.crouch, self.crouch)
+        link.guardian = Guardian(
+            config.interface, config.domain, config.damping, config.guardian, config.limits.silence
+        )
+        if log is not None:
+            link.log = Log(log, link.period, self._list_joints())
+        self._print_checklist(released)
         return first
+
+    def _name_log(self) -> Path | None:
+        """Return the name of the log, whose folder exists if it is named by the time."""
+        if self.config.log != AUTO:
+            return None if self.config.log is None else Path(self.config.log)
+        folder = Path("outputs") / "robot"
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder / time.strftime("%Y-%m-%d_%H-%M-%S.parquet")
+
+    def _list_joints(self) -> list[str]:
+        return [self.robot.model.joint(int(joint)).name for joint in self.robot.legs.joint.ravel()]
+
+    def _print_checklist(self, released: str) -> None:
+        """Print what was checked, and what a person must check, before the first command that moves the robot."""
+        config, link = self.config, self.link
+        reading = link.first
+        limits = config.limits
+        for line in (
+            f"robot on {config.interface}, domain {config.domain}: states every {1e3 * link.period:g} ms, "
+            f"{reading.voltage:.1f} V, hottest motor {reading.temperature:.0f} degrees Celsius",
+            f"sport mode: {released}; no other sender of commands",
+            f"it {'hangs, no foot reaches the ground' if config.hung else 'lies on its belly, on level ground'}; "
+            "people stay clear; a person holds the remote control: L2 and B stop the robot",
+            f"at most {limits.torque:g} N m, {limits.stiffness:g} N m/rad, {limits.damping:g} N m s/rad; "
+            f"log: {link.log.path if link.log else 'none'}",
+            f"at the end process {link.guardian.number} damps it, until another program moves it or you end it: "
+            f"kill {link.guardian.number}",
+        ):
+            print(f"[ ] {line}", file=sys.stderr)
 
     def _require_ranges(self, key: str, value: object, q: Array) -> None:
         """Check that angles ``q`` (4, 3), rad, are in the model's ranges; raise BadInput for this ``key``."""
@@ -189,15 +255,19 @@ class UnitreeRobot:
         ``move``, such as :func:`cmacexp.addons.unitree.hung.draw_chirp`, takes the link and the standing pose (4, 3),
         rad.
         """
-        self.link.begin()
         self._enter(Stage.CHECK)
+        self.link.begin(self.config.damping)
         check_joints(self.link, self.stand, self.expected)
         self._enter(Stage.SWING)
-        self.link.rows = [] if self.config.log is not None else None
+        if self.link.log is not None:
+            self.link.log.clear()
         return move(self.link, self.stand)
 
     def end_run(self, is_safe: bool) -> None:
-        """Sit down if the robot ``is_safe``, damp it unless it was never moved, and write the log."""
+        """Sit down if the robot ``is_safe``, damp it unless it was never moved, and write the log.
+
+        From then on its guardian damps it.
+        """
         last = self.stages[-1][0]
         actions: dict[Stage, Callable[[], None]] = {}
         if is_safe and last in (Stage.WALK, Stage.STAND):
@@ -211,16 +281,15 @@ class UnitreeRobot:
             except Exception as error:  # measurements are kept whatever fails at the end
                 self._note_trouble(f"{stage}: {error}")
         self.link.end()
-        if self.config.log is not None:
-            names = [self.robot.model.joint(int(joint)).name for joint in self.robot.legs.joint.ravel()]
+        if (log := self.link.log) is not None:
             try:
-                self.link.write_log(Path(self.config.log), names)
+                log.close()
             except OSError as error:  # a full disk costs only the log
-                self._note_trouble(f"{self.config.log} cannot be written: {error.strerror}")
+                self._note_trouble(f"{log.path} cannot be written: {error.strerror}")
 
     def _sit_down(self) -> None:
-        self.link.move(self.stand, self.config.blend, self.gains)
-        self.link.move(np.array([self.config.crouch] * len(self.stand)), self.config.rise, self.gains)
+        self.link.move(self.stand, SETTLES, self.gains)
+        self.link.move(self.crouch, self.config.rise, self.gains)
 
     def _note_trouble(self, trouble: str) -> None:
         """Print a failure after the end of the run, and keep it for the manifest."""
@@ -257,9 +326,9 @@ class UnitreeRobot:
         """Check the robot, wait until it is let down if it hangs, and stand up with ``gains``; raise Unsafe."""
         self.gains = gains
         link = self.link
-        link.begin()
+        self._enter(Stage.CHECK if self.config.hung else Stage.CROUCH)
+        link.begin(self.config.damping)
         if self.config.hung:
-            self._enter(Stage.CHECK)
             check_joints(link, self.stand, self.expected)
             self._enter(Stage.LOWER)
             wait_for_ground(
@@ -270,6 +339,10 @@ class UnitreeRobot:
                 self.setup.mechanism.weight,
                 self.config.let_down,
             )
+        else:
+            link.move(self.crouch, self.config.rise, SOFT)
+            self._enter(Stage.TOUCH)
+            touch_joints(link, self.crouch, gains)
         self._enter(Stage.STAND)
         link.move(self.stand, self.config.rise, gains)
         self._enter(Stage.WALK)

@@ -10,6 +10,7 @@ from cmacexp.addons.unitree.messages import (
     decode,
     encode,
     get_motors,
+    is_damping,
     lay_out,
     new_command,
     set_motors,
@@ -42,7 +43,14 @@ def test_a_command_keeps_what_is_set_and_its_checksum_is_that_of_the_structure()
     assert compute_checksum(again) == again["crc"] == crc_bit_by_bit(words)
 
 
-@pytest.mark.parametrize("data", [b"", b"\0\1\0\0" + bytes(100), b"\0\0\0\0" + bytes(808)])
+@pytest.mark.parametrize("data", [b"", bytes(807), bytes(809)])
 def test_bytes_that_are_no_command_are_refused(data):
-    with pytest.raises(ValueError, match="bytes that begin with"):
+    with pytest.raises(ValueError, match="bytes, not 808"):
         decode(LOW_CMD, data)
+
+
+@pytest.mark.parametrize(("moving", "damps"), [({}, True), ({"kp": 1.0}, False), ({"tau": 1.0}, False)])
+def test_a_command_damps_if_it_has_neither_stiffness_nor_torque(moving, damps):
+    command = new_command()
+    set_motors(command, kd=3.0, **moving)
+    assert is_damping(command) == damps
