@@ -184,7 +184,7 @@ def resample(cycle: Array, samples: int, axis: int = 0) -> Array:
 
 def play_earlier(cycle: Array, samples: float) -> Array:
     """Shift the values over a periodic ``cycle`` (N, ...) to earlier samples, by ``samples``, also a fraction."""
-    return cycle if samples == 0.0 else _interpolate(cycle, np.arange(len(cycle)) + samples, axis=0)
+    return cycle if samples == 0.0 else _interpolate(cycle, np.arange(len(cycle), dtype=float) + samples, axis=0)
 
 
 def _start_weights(setup: Setup, shape: tuple[int, ...], log: WeightLog) -> Array:
