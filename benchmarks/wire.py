@@ -29,7 +29,7 @@ WALK = [
 PATIENT = ["plant.guardian=0.6", "plant.limits.silence=0.4"]
 OF_A_MOTOR = ("nan", "stuck", "sign", "sign_of_encoder")
 OF_A_LEG = ("swapped", "swapped_encoders")
-OF_ALL = ("lost_states", "lost_commands", "late", "frozen", "frozen_numbers", "hot", "empty")
+OF_ALL = ("lost_states", "lost_commands", "remote", "frozen", "frozen_numbers", "hot", "empty")
 SECONDS = (3, 12, 22, 29, 32, 35)
 """Start times of faults after the first command, s: during the joint check, while being lowered, while walking."""
 
@@ -97,12 +97,12 @@ def kill(count: int) -> list[float]:
 
 def control() -> None:
     """Send commands every 2 ms until the process is killed."""
-    guardian = Guardian(LOOPBACK, 60, 3.0, SILENCE)
+    guardian = Guardian(LOOPBACK, 60, 3.0, SILENCE, 0.2)
     wire = Wire(LOOPBACK, 60, COMMANDS, None)
     command = new_command()
     set_motors(command, q=np.zeros((4, 3)), dq=0.0, tau=0.0, kp=20.0, kd=1.0)
     while True:
-        guardian.report()
+        guardian.report(command)
         wire.send(command)
         time.sleep(0.002)
 

@@ -147,8 +147,12 @@ STRIDE: dict[str, Callable[[DictConfig], float | ListConfig]] = {
         ),
         DIGITS,
     ),
+    "start_cycle": lambda root: (
+        2 + math.ceil(_read_number(root, "plant.blend") / _read_number(root, "gait.cycle_time"))
+    ),
 }
-"""Functions that derive the fields of the gait from its pattern, its speed and the length of the legs."""
+"""Functions that derive the fields of the gait from its pattern, its speed and the length of the legs, and the first
+cycle that learns, after those that ``plant.blend`` spoils and one of feedback only."""
 
 
 def _derive_gains(basis: Basis, root: DictConfig) -> Gains:

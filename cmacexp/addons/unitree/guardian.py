@@ -161,6 +161,9 @@ def main() -> None:
     run_first(True)
     wire = Wire(interface, int(domain), COMMANDS, STATES)
     print("ready", flush=True)
+    os.dup2(
+        os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno()
+    )  # who reads what the controller prints need not wait
     with suppress(KeyboardInterrupt):
         if watch(wire, sys.stdin.fileno(), float(damping), float(hold), float(silence), int(controller)):
             os.close(sys.stdin.fileno())

@@ -30,6 +30,9 @@ LASTS = 1.0
 """Time for which the controller damps a robot at the end of a run, s, before it leaves it to the guardian."""
 RAMP = 0.5
 """Time in which the gains of a motion rise or fall to their values, s."""
+REPEATED = 4
+"""Sampling periods for which a state with the numbers of the last one is ignored: a simulator that is slower than its
+clock sends each state several times."""
 REMEMBERED = 100
 """Number of commands after which nobody may repeat one of them."""
 JUMP = 2.0
@@ -184,7 +187,7 @@ class Link:
     def receive(self, starts: bool = False) -> None:
         """Wait for the next state; raise Unsafe if none arrives, if it exceeds a limit, or if others send commands.
 
-        A state with an angle that leaps counts as one that has not arrived. Meanwhile the guardian holds the robot. A
+        A state with an angle that leaps, or with the numbers of the last, counts as none. Meanwhile the guardian holds the robot. A
         robot that ``starts`` may be far from the last command.
         """
         begun = time.perf_counter()
@@ -192,9 +195,11 @@ class Link:
         while (message := self.wire.receive(begun + self.limits.silence - time.perf_counter())) is not None:
             now = time.perf_counter()
             reading = read_state(message)
-            if not (leap := self.watch.find_leap(reading, now - self.arrived, self.period)):
+            is_new = now > begun + REPEATED * self.period or not self.watch.repeats(reading)
+            leap = self.watch.find_leap(reading, now - self.arrived, self.period)
+            if is_new and not leap:
                 break
-            trouble = leap
+            trouble = leap or trouble
         else:
             raise Unsafe(trouble.replace("{", "{{").replace("}", "}}"))
         self.arrived = now

@@ -81,7 +81,7 @@ class UnitreeRobot:
         rise: float = number("s", above=0, at_most=60)
         """Duration of standing up, and of sitting down."""
         blend: float = number("s", above=0, at_most=60)
-        """Duration of the transition from the standing pose to the commands of the controller; at most a cycle."""
+        """Duration of the transition from the standing pose to the commands of the controller."""
         guardian: float = number("s", above=0, at_most=10)
         """Time without a command after which the guardian, a separate process, holds the robot ever more softly;
         ``limits.silence`` later it damps it."""
@@ -113,7 +113,8 @@ class UnitreeRobot:
             planned = "dynamic or static with plant=unitree: making a plan takes longer than a step"
             gains = read_component(vars(config)["controller"])
             stiffness, damping = gains.get("stiffness", 0.0), gains.get("damping", 0.0)
-            cycle = config.gait.cycle_time
+            begins = config.learning.start_cycle
+            whole = 2 + math.ceil(self.blend / config.gait.cycle_time)
             limits = self.limits
             for key, value, fits, allowed in (
                 ("machine.kind", kind, kind == "robot", "robot with plant=unitree: use scenario=robot"),
@@ -124,10 +125,10 @@ class UnitreeRobot:
                 ("force_control.load_sharing", sharing, sharing != "adaptive", planned),
                 ("plant.crouch", self.crouch, len(self.crouch) == 3, "three angles: hip, thigh, calf"),
                 (
-                    "plant.blend",
-                    self.blend,
-                    self.blend <= cycle,
-                    f"at most gait.cycle_time={cycle:g}: cycle 2 must be whole",
+                    "learning.start_cycle",
+                    begins,
+                    begins >= whole,
+                    f"at least {whole} with plant.blend={self.blend:g}: a cycle of feedback only comes before",
                 ),
                 (
                     "controller.stiffness",

@@ -47,7 +47,7 @@ def make_state(q):
 def make_link(wire, q=ANGLES):
     """A link in the middle of a walk, by the parts that a step uses."""
     link = Link.__new__(Link)
-    link.limits, link.period, link.wire = LIMITS, 0.002, wire
+    link.limits, link.period, link.wire = LIMITS, 0.0, wire
     link.guardian = SimpleNamespace(report=lambda command: None, runs=True)
     link.command, link.log = new_command(), None
     link._sent, link._alone_from = [], 0.0
@@ -100,6 +100,17 @@ def test_a_state_that_leaps_counts_as_none():
     link.arrived = np.inf
     with pytest.raises(Unsafe, match=r"right front thigh leaps by 0\.5 rad"):
         link.receive()
+
+
+def test_a_state_that_repeats_the_last_is_ignored_for_a_while():
+    link = make_link(Wire([make_state(ANGLES), make_state(ANGLES + 0.01)]))
+    link.period = 10.0
+    link.receive()
+    assert np.allclose(link.signals.q, ANGLES + 0.01)
+    link = make_link(Wire([make_state(ANGLES)] * 2))
+    link.period = -1.0  # it has been long
+    link.receive()
+    assert np.allclose(link.signals.q, ANGLES)
 
 
 def test_another_sender_ends_a_walk_and_the_own_guardian_does_not():
