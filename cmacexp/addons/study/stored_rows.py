@@ -7,6 +7,7 @@ measures and used metrics of its runs with the first two seeds, and what its sta
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -84,18 +85,16 @@ def _round(values: Any) -> list[float]:
 def store_rows(statements: Statements, results: Results) -> str:
     """Return the text of the stored runs of a full study, and of what its statements give on them."""
     seeds = sorted({row.settings.get("seed", 0) for row in results.rows})[:SEEDS]
-    rows = [
-        RunRow(StoredRun(row.run.status, _Used(row.run.pooled)), row.settings, row.shown, row.measures, row.seeded)
-        for row in results.rows
-        if row.settings.get("seed", 0) in seeds
-    ]
+    full = [row for row in results.rows if row.settings.get("seed", 0) in seeds]
+    used = [_Used(row.run.pooled) for row in full]
+    rows = [replace(row, run=StoredRun(row.run.status, metrics)) for row, metrics in zip(full, used, strict=True)]
     stored: list[dict[str, Array]] = [{} for _ in rows]
     chosen: dict[str, Claim | Finding] = {}
     for name, statement in statements.items():
-        for row in rows:
-            row.run.pooled.names.clear()
+        for metrics in used:
+            metrics.names.clear()
         if judge({name: statement}, Results(rows)):
-            needed = [{n: v for n, v in row.run.pooled.items() if n in row.run.pooled.names} for row in rows]
+            needed = [{key: metrics[key] for key in sorted(metrics.names & metrics.keys())} for metrics in used]
             merged = [before | more for before, more in zip(stored, needed, strict=True)]
             if sum(len(values) for metrics in merged for values in metrics.values()) <= MOST:
                 stored, chosen[name] = merged, statement
