@@ -7,6 +7,7 @@ measures and used metrics of its runs with the first two seeds, and what its sta
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -84,19 +85,16 @@ def _round(values: Any) -> list[float]:
 def store_rows(statements: Statements, results: Results) -> str:
     """Return the text of the stored runs of a full study, and of what its statements give on them."""
     seeds = sorted({row.settings.get("seed", 0) for row in results.rows})[:SEEDS]
-    chosen_rows = [row for row in results.rows if row.settings.get("seed", 0) in seeds]
-    read = [_Used(row.run.pooled) for row in chosen_rows]
-    rows = [
-        RunRow(StoredRun(row.run.status, used), row.settings, row.shown, row.measures, row.seeded)
-        for row, used in zip(chosen_rows, read, strict=True)
-    ]
+    full = [row for row in results.rows if row.settings.get("seed", 0) in seeds]
+    used = [_Used(row.run.pooled) for row in full]
+    rows = [replace(row, run=StoredRun(row.run.status, metrics)) for row, metrics in zip(full, used, strict=True)]
     stored: list[dict[str, Array]] = [{} for _ in rows]
     chosen: dict[str, Claim | Finding] = {}
     for name, statement in statements.items():
-        for used in read:
-            used.names.clear()
+        for metrics in used:
+            metrics.names.clear()
         if judge({name: statement}, Results(rows)):
-            needed = [{name: values for name, values in used.items() if name in used.names} for used in read]
+            needed = [{key: metrics[key] for key in sorted(metrics.names & metrics.keys())} for metrics in used]
             merged = [before | more for before, more in zip(stored, needed, strict=True)]
             if sum(len(values) for metrics in merged for values in metrics.values()) <= MOST:
                 stored, chosen[name] = merged, statement
