@@ -33,9 +33,9 @@ def write_docs() -> None:
     Raises:
         BadInput: the working copy has no results.json.
     """
-    from docs.blocks import write_pages
-
     results = read_results()
+    from docs.blocks import write_pages  # a checkout has it, as the results; a wheel does not
+
     results.add_studies(FOLDER)
     renew_stored_rows(FOLDER)
     tables = {
