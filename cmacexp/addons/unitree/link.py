@@ -187,8 +187,8 @@ class Link:
     def receive(self, starts: bool = False) -> None:
         """Wait for the next state; raise Unsafe if none arrives, if it exceeds a limit, or if others send commands.
 
-        A state with an angle that leaps, or with the numbers of the last, counts as none. Meanwhile the guardian holds the robot. A
-        robot that ``starts`` may be far from the last command.
+        A state with an angle that leaps, or with the numbers of the last, counts as none. Meanwhile the guardian
+        holds the robot. A robot that ``starts`` may be far from the last command.
         """
         begun = time.perf_counter()
         trouble = f"no state for {1e3 * self.limits.silence:g} ms, plant.limits.silence"
