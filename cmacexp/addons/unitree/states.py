@@ -25,6 +25,8 @@ LONG = 250
 """Consecutive states after which it is stuck whatever its command, if most joints move."""
 FAR = 10
 """Consecutive states for which a joint may be far from its command."""
+FAST = 5
+"""Consecutive states in which a joint is faster than its limit: a foot that hits the ground is so in one or two."""
 LOSS_WINDOW = 500
 """Number of states over which gaps are counted."""
 LEAP = 0.1
@@ -98,7 +100,7 @@ class LimitsConfig:
     tilt: float = number("rad", above=0, at_most=3)
     """Largest pitch and roll."""
     speed: float = number("rad/s", above=0, at_most=100)
-    """Largest velocity of a joint."""
+    """Largest velocity of a joint that may last for FAST states; in one state twice as much."""
     deviation: float = number("rad", above=0, at_most=3)
     """Largest difference of a joint angle from its command that may last for FAR states."""
     torque: float = number("N m", above=0, at_most=1000)
@@ -127,6 +129,7 @@ class StateWatch:
         self._last: Reading | None = None
         self._lost = deque[bool](maxlen=LOSS_WINDOW)
         self._far = np.zeros(joints, dtype=int)
+        self._speeds = deque([np.zeros(joints)] * FAST, maxlen=FAST)
         self._still = np.zeros(joints, dtype=int)
         self._commanded = np.zeros(joints)
         """Commanded angles when each joint last moved, rad."""
@@ -163,7 +166,7 @@ class StateWatch:
         Unsafe.unless(is_finite, "a state has a number that is not finite, or no attitude")
         for name, value, limit, unit in (
             ("tilt", np.abs(signals.attitude[:2]).max(), limits.tilt, "rad"),
-            ("speed", np.abs(signals.dq).max(), limits.speed, "rad/s"),
+            ("speed", self._find_lasting_speed(signals.dq), limits.speed, "rad/s"),
             ("temperature", reading.temperature, limits.temperature, "degrees Celsius"),
         ):
             trouble = "{} of {:.3g} {} is above plant.limits.{}={:g}"
@@ -190,6 +193,11 @@ class StateWatch:
         else:
             self._commanded[...] = commanded
         self._last = reading
+
+    def _find_lasting_speed(self, velocity: Array) -> float:
+        """Return the largest speed of a joint in all of the last FAST states, or half of the present one, rad/s."""
+        self._speeds.append(np.abs(velocity))
+        return float(max(np.min(self._speeds, axis=0).max(), 0.5 * np.abs(velocity).max()))
 
     def _compare(self, reading: Reading, last: Reading, commanded: Array) -> None:
         """Check for lost and frozen states, and for stuck encoders; raise Unsafe."""

@@ -7,7 +7,7 @@ import pytest
 
 from cmacexp.addons.unitree.faults import KINDS, NO_FAULT, Fault
 from cmacexp.addons.unitree.messages import LOW_STATE, new_command
-from cmacexp.addons.unitree.states import LimitsConfig, StateWatch, Unsafe, read_state
+from cmacexp.addons.unitree.states import FAST, LimitsConfig, StateWatch, Unsafe, read_state
 from cmacexp.errors import BadInput
 
 LIMITS = LimitsConfig(
@@ -61,7 +61,7 @@ def test_a_robot_that_tilts_is_fast_or_does_not_know_its_attitude_stops():
     lost = read_state(np.zeros((), LOW_STATE))._replace(voltage=28.0)
     level = lost.signals._replace(attitude=np.zeros(3))
     tilted = lost._replace(signals=level._replace(attitude=np.array([0.0, -0.6, 0.0])))
-    fast = lost._replace(signals=level._replace(dq=np.full((4, 3), -21.0)))
+    fast = lost._replace(signals=level._replace(dq=np.full((4, 3), -41.0)))
     for other, said in ((tilted, "limits.tilt="), (fast, "limits.speed="), (lost, "no attitude")):
         with pytest.raises(Unsafe, match=said):
             StateWatch(LIMITS, (4, 3), 1).check(other, other.signals.q)
@@ -89,3 +89,17 @@ def test_an_angle_that_no_velocity_explains_leaps(angle, rate, elapsed, leaps):
     assert watch.find_leap(make_reading(angle, rate), elapsed, 0.002) == ""  # nothing to compare with
     watch.check(make_reading(0.0, rate), np.zeros((4, 3)))
     assert ("leaps by" in watch.find_leap(make_reading(angle, rate), elapsed, 0.002)) == leaps
+
+
+def test_a_speed_above_its_limit_may_last_for_a_few_states():
+    watch, tick = StateWatch(LIMITS, (4, 3), 1), iter(range(100))
+
+    def check(rate):
+        reading = make_reading(0.1 * next(tick), rate)
+        signals = reading.signals._replace(tick=np.array([float(next(tick))]))
+        watch.check(reading._replace(signals=signals), signals.q)
+
+    for rate in (0.0, 30.0, 30.0, 0.0, *[30.0] * (FAST - 1)):
+        check(rate)
+    with pytest.raises(Unsafe, match=r"speed of 30 rad/s"):
+        check(30.0)
