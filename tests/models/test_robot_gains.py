@@ -73,6 +73,7 @@ def test_a_declared_delay_uses_up_the_margin_and_stiffer_posture_lowers_it(lag):
     assert find(gains._replace(posture_rate_gain=3.0 * gains.posture_rate_gain)) < 0.8 * margin
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("delay", [0, 2])
 @pytest.mark.parametrize("period", [0.001, 0.002, 0.005, 0.02])
 def test_drives_that_compute_once_a_command_get_gains_below_their_margin(period, delay):

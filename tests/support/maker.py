@@ -178,6 +178,7 @@ def count_kills(folder, tries):
             guardian = wait_for_walk(process)
             delays.append(find_damped(listen(domain, 1.0, process.kill)))
             os.kill(guardian, signal.SIGTERM)
+        print(f"kill {n}: {1e3 * delays[-1]:.1f} ms", file=sys.stderr, flush=True)
     within = sum(delay <= 0.02 for delay in delays)
     yield "SIGKILL of the controller", f"{within} of {len(delays)} damped within 20 ms", f"worst {max(delays):.4f} s"
 
