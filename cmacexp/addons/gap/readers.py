@@ -159,7 +159,7 @@ def read_bag(path: Path) -> Columns:
             kinds.add(kind)
             if kind not in JOINT_MESSAGES:
                 continue
-            message = bag.deserialize(raw, connection.msgtype)
+            message: Any = bag.deserialize(raw, connection.msgtype)
             values = JOINT_MESSAGES[kind](message, any(word in connection.topic.lower() for word in COMMAND_WORDS))
             stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
             topics[connection.topic].append((stamp or at, values))
