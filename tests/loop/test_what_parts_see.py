@@ -76,6 +76,6 @@ def test_masses_and_start_of_the_plant_alone_are_others(make_config):
     spread = ("plant.mass_factor=2", "plant.start_spread=0.05", "plant.start_seed=3")
     scenario = make_scenario(make_config(*SHORT, *spread))
     believed, built = (part.params.mechanism.legs for part in (scenario.controller, scenario.plant))
-    np.testing.assert_array_equal(built, believed * [1.0, 1.0, 2.0, 2.0, 1.0])
+    np.testing.assert_array_equal(built, believed * [1.0, 1.0, 2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0])
     off = np.abs(scenario.plant.state.q - scenario.setup.start)
     assert 0.0 < off.min() <= off.max() <= 0.05

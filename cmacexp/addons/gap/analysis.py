@@ -70,12 +70,11 @@ def measure(log: Log, machine: Machine, accepted: Collection[str] = ()) -> Gap:
     Raises BadInput if the log is unfit, see :func:`check`; faults of the ``accepted`` kinds are notes.
     """
     log = regularise(log)
-    has_newtons = True
     if not log.is_unit_known:
-        log, has_newtons = scale_torque(Problem(Signals(log), machine))
+        log = scale_torque(Problem(Signals(log), machine))
     signals = Signals(log)
     problem = Problem(signals, machine)
-    limits = check(problem, accepted if has_newtons else {*accepted, "gravity", "sign", "model"})
+    limits = check(problem, accepted)
     if signals.is_measured and log.has_drives:
         problem = replace(problem, command_delay=max(0.0, fit_model(problem)[3]) + log.period / 2.0)
     notes = [*log.notes, *limits, *_describe_strokes(signals)]
@@ -94,7 +93,7 @@ def measure(log: Log, machine: Machine, accepted: Collection[str] = ()) -> Gap:
             "notes": notes,
             "lag": _describe_lag(signals) if log.command is not None else None,
             "noise": _measure_noise(signals),
-            "explained": _explain(problem) if has_newtons else None,
+            "explained": _explain(problem) if log.is_unit_known else None,
             "left": {},
         },
     )

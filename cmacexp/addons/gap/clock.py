@@ -15,6 +15,8 @@ LONGEST = (0.1, 10.0)
 """Spacing of two rows that cuts a log in pieces: the larger of a time, s, and a multiple of the median."""
 MOST_BACK = 0.01
 """Largest share of rows that are older than the row before them; more are several logs in one file."""
+STEADY = 1e-3
+"""Deviation from the median spacing, relative to it, up to which rows count as evenly spaced."""
 RATES = (20.0, 20_000.0)
 """Least and largest sampling rate of a log, Hz."""
 MEASURED = ("angle", "torque", "orientation")
@@ -111,10 +113,15 @@ def _choose_piece(log: Log) -> Log:
 
 
 def _resample(log: Log) -> Log:
-    """Return a log whose rows are spread evenly; if its angles are smoother without the times, only these change."""
+    """Return a log whose rows are spread evenly; if its angles are smoother without the times, only these change.
+
+    Where most rows are one period apart, and only some are missing, the other rows stay as they are.
+    """
     steps = np.diff(log.time)
-    count = len(log.time)
-    time = np.linspace(log.time[0], log.time[-1], count)
+    is_steady = bool(np.median(np.abs(steps - log.period)) < STEADY * log.period)
+    span = log.time[-1] - log.time[0]
+    count = round(span / log.period) + 1 if is_steady else len(log.time)
+    time = log.time[0] + np.linspace(0.0, span, count)
     period = time[1] - time[0]
     spacing = f"Rows are {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms apart: "
 
@@ -122,11 +129,11 @@ def _resample(log: Log) -> Log:
         return np.stack([np.interp(time, log.time, values) for values in signal.T], axis=1)
 
     angle = interpolate(log.angle)
-    if _measure_roughness(log.angle) < _measure_roughness(angle):
+    if not is_steady and _measure_roughness(log.angle) < _measure_roughness(angle):
         return replace(log, time=time).note(
             f"{spacing}the times jitter, not the samples: angles are smoother at even times, {1e3 * period:.4g} ms."
         )
-    held = np.searchsorted(log.time, time + 1e-9 * period, side="right") - 1
+    held = np.searchsorted(log.time, time + STEADY * period, side="right") - 1
     values: dict[str, Any] = {
         key: None if (signal := vars(log)[key]) is None else interpolate(signal) if key in MEASURED else signal[held]
         for key in (*MEASURED, *COMMANDED)

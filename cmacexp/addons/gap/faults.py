@@ -13,10 +13,18 @@ import numpy as np
 from cmacexp.addons.gap.log import KEY, Log
 from cmacexp.addons.gap.machine import Machine
 from cmacexp.addons.gap.problem import Problem
-from cmacexp.addons.gap.regression import fit_model
-from cmacexp.addons.gap.signals import Signals, differentiate, low_pass
+from cmacexp.addons.gap.regression import (
+    DELAYS,
+    GRAVITY,
+    MOST_LEFT,
+    NEGATIVE,
+    bound_friction,
+    fit_model,
+    list_unexplained,
+)
+from cmacexp.addons.gap.signals import Signals, differentiate, is_quantised, low_pass
 from cmacexp.errors import BadInput, require
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Mask
 
 LEAST_ROWS = 200
 """Least number of rows of a log."""
@@ -46,16 +54,10 @@ FROZEN = (0.15, 0.3)
 CLIPPED = (3, 3, 0.15)
 """Limits of a clipped angle: number of stops of a moving joint at exactly its extreme angle, rows of each stop, and
 speed just before it over the RMS speed: joints that stick by friction come to rest slowly."""
-DELAYS = (-0.012, 0.03)
-"""Plausible delays of commands, s; delays from -0.06 to 0.06 s are tried."""
-GRAVITY = (0.6, 1.7)
-"""Plausible ratios of the torque of the rigid bodies to that of the model, as masses and gains are inexact."""
-MOST_LEFT = 0.35
-"""Largest part of the torque that the regression on model, friction, damping and inertia may leave, RMS over RMS."""
-NEGATIVE = -0.06
-"""Viscous friction over the gain kd below which kd is wrong: friction cannot be negative."""
-ON_LATTICE = 0.6
-"""Share of small steps that are multiples of the smallest one, above which the angles are those of an encoder."""
+UNIT = (0.3, 3.0)
+"""Ratios of torque for one joint, beyond which its measured torque is in another unit: a payload changes less."""
+MOST_TURNED = 4.0 * np.pi
+"""Largest angle, rad, of a joint without limits whose torque drives and model do not explain."""
 
 
 KINDS = (
@@ -63,7 +65,7 @@ KINDS = (
     "sign", "model", "damping", "gravity",
 )  # fmt: skip
 """Kinds of faults that ``--accept`` makes notes."""
-CAUSES = {"copied", "scale", "zero", "order", "range", "frozen", "clipped", "jump", "lost"}
+CAUSES = {"copied", "scale", "zero", "order", "range", "frozen", "clipped", "jump", "lost", "torque"}
 """Kinds of faults after which a comparison with the model says nothing more."""
 
 
@@ -93,35 +95,20 @@ def check(problem: Problem, accepted: Collection[str] = ()) -> list[str]:
     log = problem.signals.log
     _check_values(log)
     left, weights, errors, late = fit_model(problem)
-    unexplained = _list_unexplained(problem, left, weights, errors, late)
+    unexplained = list_unexplained(problem, left, weights, errors, late)
     faults = [] if log.command is None else list(_check_pairs(log, log.command, unexplained))
     for j in range(len(log.joints)):
-        faults += _check_angle(log, problem.machine, j)
+        faults += _check_angle(log, problem.machine, j, log.has_drives and j in unexplained)
     faults += _check_lost_rows(log)
     if log.torque is not None and log.has_drives:
         faults += _check_torque(log, log.torque)
     notes = list(_note(log))
-    if not CAUSES & {fault.kind for fault in faults if fault.kind not in accepted}:
+    if log.is_unit_known and not CAUSES & {fault.kind for fault in faults if fault.kind not in accepted}:
         faults += _check_against_model(problem, left, weights, errors, late, notes)
     refused = [fault for fault in faults if fault.kind not in accepted]
     if refused:
         raise _refuse(log, refused)
     return notes + [f"Accepted ({fault.kind}): {fault.text}." for fault in faults]
-
-
-def _list_unexplained(problem: Problem, left: Array, weights: Array, errors: Array, late: float) -> set[int]:
-    """Return the numbers of the joints whose torque drives and model do not explain with plausible parameters.
-
-    The results of :func:`fit_model` say so: too much is left, commands are shifted, rigid bodies have another sign or
-    size, viscous friction is negative, or an offset is larger than all that changes.
-    """
-    log = problem.signals.log
-    gravity, viscous, offset = weights[:, 0], weights[:, 2] + 2.0 * errors[:, 2], weights[:, 3]
-    certain = errors[:, 0] < 0.3 * np.abs(gravity)
-    plausible = (left <= MOST_LEFT) & (DELAYS[0] <= late <= DELAYS[1]) & log.has_drives
-    plausible &= ~certain | ((gravity >= GRAVITY[0]) & (gravity <= GRAVITY[1]))
-    plausible &= (viscous >= NEGATIVE * log.kd) & (np.abs(offset) <= problem.signals.torque.std(axis=0))
-    return set(np.flatnonzero(~plausible).tolist())
 
 
 def _refuse(log: Log, faults: list[Fault]) -> Unfit:
@@ -201,12 +188,17 @@ def _check_pairs(log: Log, command: Array, unexplained: Collection[int]) -> Iter
             )
 
 
-def _check_angle(log: Log, machine: Machine, j: int) -> Iterator[Fault]:
-    """Yield faults of the measured angle of joint ``j``: unit, zero, stops, jumps and amount of motion."""
+def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool) -> Iterator[Fault]:
+    """Yield faults of the measured angle of joint ``j``: unit, zero, stops, jumps and amount of motion.
+
+    If drives and model do not explain its torque, a joint without limits turns by no more than MOST_TURNED.
+    """
     joint = log.joints[j]
     name = log.column("angle", j)
     values = log.angle[:, j]
     low, high = machine.ranges[j]
+    if is_unexplained and not machine.is_prismatic[j]:
+        low, high = max(low, -MOST_TURNED), min(high, MOST_TURNED)
     speed = differentiate(values[:, None], log.period)[:, 0]
     moving = speed[np.abs(speed) > 0.1 * np.sqrt((speed**2).mean())]
     span = np.ptp(values)
@@ -226,9 +218,9 @@ def _check_angle(log: Log, machine: Machine, j: int) -> Iterator[Fault]:
         mend = ("--units", units) if inside and not machine.is_prismatic[j] else ("--accept", "")
         yield Fault(
             "range",
-            f"column {name} reaches from {values.min():.3g} to {values.max():.3g} rad, {machine.joints[j]} of the "
-            f"model from {low:.3g} to {high:.3g}: check its unit (degrees: --units angle=deg,command=deg), zero and "
-            "joint",
+            f"column {name} reaches from {values.min():.3g} to {values.max():.3g} rad, {machine.joints[j]} "
+            f"should be from {low:.3g} to {high:.3g}: check its unit (degrees: --units angle=deg,command=deg), zero "
+            "and joint",
             *mend,
         )
     yield from _check_stops(log, j)
@@ -329,29 +321,55 @@ def _check_against_model(
             f"the model leaves {100.0 * whole:.0f} % of its torque unexplained: order, signs or units of joints, or "
             "--robot, are wrong, or its base moved or its feet touched the ground",
         )
-    too_low = weights[:, 2] + 2.0 * errors[:, 2] < NEGATIVE * log.kd
+    too_low = bound_friction(log, weights, errors, late) < NEGATIVE * log.kd
     for j in np.flatnonzero(too_low & log.has_drives):
         yield Fault(
             "damping",
             f"viscous friction of {log.joints[j]} comes out as {weights[j, 2]:.2g} "
             f"N m s/rad, below zero: --kd {log.kd[j]:g} is too large",
         )
-    factor = float(np.average(gravity[certain], weights=errors[certain, 0] ** -2)) if certain.any() else 1.0
-    times = f"are {factor:.2f} times those of the rigid bodies of the model:"
-    if not GRAVITY[0] <= factor <= GRAVITY[1]:
-        mend = ("--units", "torque=unknown") if problem.signals.is_measured else ("--accept", "")
-        yield Fault("gravity", f"torques {times} gains (--kp), units of torque, or masses are wrong by that", *mend)
-    elif not 0.8 <= factor <= 1.25:
-        notes.append(f"Torques {times} masses, or gains, differ by that.")
+    yield from _check_gravity(problem, gravity, errors[:, 0], certain, notes)
     if log.has_drives and (viscous := float(np.median(weights[:, 2]))) > 0.4 * float(log.kd.mean()):
         notes.append(
             f"Viscous friction is {viscous:.2f} N m s/rad, much beside --kd {log.kd.mean():g}: check that gain."
         )
 
 
+def _check_gravity(
+    problem: Problem, gravity: Array, errors: Array, certain: Mask, notes: list[str]
+) -> Iterator[Fault]:
+    """Yield faults of torques that are ``gravity`` (J,) times those of the rigid bodies of the model.
+
+    They are ``certain`` (J,) where their standard ``errors`` are small. Small or unknown ratios become ``notes``.
+    """
+    log = problem.signals.log
+    factor = float(np.average(gravity[certain], weights=errors[certain] ** -2)) if certain.any() else 1.0
+    times = f"are {factor:.2f} times those of the rigid bodies of the model:"
+    if not GRAVITY[0] <= factor <= GRAVITY[1]:
+        mend = ("--units", "torque=unknown") if problem.signals.is_measured else ("--accept", "")
+        yield Fault("gravity", f"torques {times} gains (--kp), units of torque, or masses are wrong by that", *mend)
+    elif not 0.8 <= factor <= 1.25:
+        notes.append(f"Torques {times} masses, or gains, differ by that.")
+    if not problem.signals.is_measured or log.has_drives:
+        return  # the drives give the unit
+    for j in np.flatnonzero(certain & (gravity > 0.0) & ((gravity < UNIT[0]) | (gravity > UNIT[1]))):
+        yield Fault(
+            "gravity",
+            f"torque of {log.joints[j]} is {gravity[j]:.2f} times that of the rigid bodies of the model: its unit is "
+            "another",
+            "--units",
+            "torque=unknown",
+        )
+    if unknown := [log.joints[j] for j in np.flatnonzero(~certain)]:
+        notes.append(
+            f"Nothing in this log shows whether the torques of {', '.join(unknown)} are in N m: the rigid bodies are "
+            "too light or move too little, and there are no gains."
+        )
+
+
 def _note(log: Log) -> Iterator[str]:
     """Yield notes on the limits of a log: filtered angles, and commands that do not distinguish or excite joints."""
-    if not _is_quantised(log):
+    if not is_quantised(log):
         yield (
             "The angles show no step of an encoder: they were filtered or "
             "simulated, and noise and velocities are those of the filter."
@@ -371,14 +389,3 @@ def _note(log: Log) -> Iterator[str]:
             )
         if len(log.joints) > 1 and correlated.all():
             yield "All commands are one signal (rank 1): what joints do to each other is not excited."
-
-
-def _is_quantised(log: Log) -> bool:
-    """Return True if the angles of most joints, while they move, are multiples of the step of an encoder."""
-    shares = list[float]()
-    for steps in np.abs(np.diff(log.angle, axis=0)).T:
-        steps = steps[steps > 1e-6]
-        if len(steps) > 20:
-            few = steps[steps < 20.0 * steps.min()] / steps.min()
-            shares.append(float((np.abs(few - np.round(few)) < 0.1).mean()) if len(few) > 10 else 0.0)
-    return bool(shares) and float(np.median(shares)) > ON_LATTICE

@@ -269,7 +269,7 @@ class _Table:
             from pandas import to_datetime
 
             try:
-                dates = to_datetime(values).to_numpy("datetime64[ns]")
+                dates = to_datetime(values, format="mixed").to_numpy("datetime64[ns]")
             except (TypeError, ValueError) as error:
                 raise BadInput(KEY, self.path, f"holds no times in column {name} ({error})") from error
             return np.asarray((dates - dates[0]) / np.timedelta64(1, "ns") * 1e-9)
@@ -334,16 +334,15 @@ class _Table:
     def _match(self, pattern: str, quantity: str) -> list[str]:
         """Return the joints of the columns that match the ``pattern`` of a quantity.
 
-        A column that matches a longer pattern of another quantity is a column of that quantity.
+        A column that matches a longer pattern is no column of this one.
         """
         claimed = set[str]()
         is_number = len(self.patterns[quantity]) > 1 and re.search(
             rf"\w{re.escape(JOINT)}", pattern.replace("_", " ")
         )
-        for key, patterns in self.patterns.items():
-            for other in patterns if key != quantity else ():
-                if JOINT in other and len(other) > len(pattern):
-                    claimed.update(self._match_columns(other))
+        for other in (other for patterns in self.patterns.values() for other in patterns):
+            if JOINT in other and len(other) > len(pattern):
+                claimed.update(self._match_columns(other))
         return [
             joint
             for name, joint in self._match_columns(pattern).items()

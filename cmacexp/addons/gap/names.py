@@ -12,6 +12,22 @@ from cmacexp.errors import require
 JOINT = "{joint}"
 NUMBER = "{i}"
 """Stands for the number of a joint in the names of columns, as :data:`JOINT` for its name."""
+ANGLES = ("q", "pos", "position", "angle", "jpos", "qpos", "theta")
+TORQUES = ("tau", "torque", "effort", "force", "current")
+MEASURED = ("measured", "meas", "actual", "act", "state", "est", "estimated")
+COMMANDED = (
+    "des", "desired", "cmd", "command", "commanded", "ref", "reference", "target", "setpoint", "goal",
+)  # fmt: skip
+MOST_LISTED = 6
+"""Number of names, of those that are tried, that a message lists."""
+
+
+def _combine(signals: Sequence[str], words: Sequence[str]) -> list[str]:
+    """Return the names of columns that combine a joint with one of the ``signals`` and one of the ``words``."""
+    pairs = [pair for a in signals for b in words for pair in (f"{a}_{b}", f"{b}_{a}")]
+    return [name for pair in pairs for name in (f"{pair}_{JOINT}", f"{JOINT}_{pair}")]
+
+
 PATTERNS: dict[str, tuple[str, ...]] = {
     "time": (
         "time", "t", "timestamp", "stamp", *(
@@ -22,15 +38,14 @@ PATTERNS: dict[str, tuple[str, ...]] = {
     ),
     "angle": (
         "q_{joint}", "{joint}_q", "pos_{joint}", "{joint}_pos", "position_{joint}", "{joint}_position", "q{i}",
-        "jpos{i}", "jpos_{joint}", "pos{i}", "actual_q_{joint}", "joint_states_{joint}_position",
+        "jpos{i}", "jpos_{joint}", "pos{i}", "joint_states_{joint}_position",
         "joint_states_position_{joint}", "joint_position_{joint}", "joint_pos_{joint}", "angle_{joint}",
         "{joint}_angle", "joint_angle_{joint}", "theta_{joint}", "qpos_{joint}", "observation_state_{joint}",
+        *_combine(ANGLES, MEASURED),
     ),
     "command": (
-        "q_des_{joint}", "{joint}_q_des", "cmd_{joint}", "{joint}_cmd", "command_{joint}", "{joint}_command",
-        "target_{joint}", "{joint}_target", "q_d_{joint}", "q_cmd_{joint}", "q_ref_{joint}", "target_q_{joint}",
-        "{joint}_position_command", "{joint}_position_des", "{joint}_pos_des", "pos_des_{joint}", "desired_{joint}",
-        "{joint}_desired", "{joint}_setpoint", "{joint}_reference", "jpos_des{i}", "jpos_cmd{i}", "jpos_d{i}",
+        *_combine(ANGLES, COMMANDED), *(f"{word}_{{joint}}" for word in COMMANDED),
+        *(f"{{joint}}_{word}" for word in COMMANDED), "q_d_{joint}", "jpos_des{i}", "jpos_cmd{i}", "jpos_d{i}",
         "action_{joint}",
     ),
     "command_velocity": (
@@ -38,9 +53,9 @@ PATTERNS: dict[str, tuple[str, ...]] = {
     ),
     "torque": (
         "tau_{joint}", "{joint}_tau", "torque_{joint}", "{joint}_torque", "effort_{joint}", "{joint}_effort",
-        "tau{i}", "tau_est_{joint}", "tau_J_{joint}", "joint_states_{joint}_effort", "joint_states_effort_{joint}",
+        "tau{i}", "tau_J_{joint}", "joint_states_{joint}_effort", "joint_states_effort_{joint}",
         "joint_torque_{joint}", "force_{joint}", "{joint}_force", "current_{joint}", "{joint}_current",
-        "actual_current_{joint}",
+        *_combine(TORQUES, MEASURED), "tauEst_{joint}", "{joint}_tauEst",
     ),
     "feedforward": ("tau_ff_{joint}", "{joint}_tau_ff"),
     "kp": ("kp_{joint}", "kp"),
@@ -82,7 +97,7 @@ def _compile(pattern: str) -> "re.Pattern[str]":
 
 
 def list_patterns(tried: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> tuple[str, ...]:
-    """Return the names that are ``tried``, as the columns write them, and those that no column has, as they are."""
+    """Return the names that are ``tried``, as the columns write them, and the first ones as they are."""
     listed = dict[str, None]()
     for pattern in tried:
         form = _compile(pattern)
@@ -90,6 +105,5 @@ def list_patterns(tried: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> 
             if match := form.fullmatch(name.translate(SEPARATORS)):
                 begin, end = match.span(1) if form.groups else (0, 0)
                 listed[name[:begin] + JOINT + name[end:] if form.groups else name] = None
-        if NUMBER not in pattern:
-            listed.setdefault(pattern, None)
+    listed |= dict.fromkeys(pattern for pattern in tried[:MOST_LISTED] if NUMBER not in pattern)
     return tuple(listed)

@@ -49,8 +49,9 @@ def read_parquet(path: Path) -> Columns:
 def read_csv(path: Path) -> Columns:
     """Read the columns of a text file, perhaps compressed; lines ``# NAME: VALUE`` declare units or gains.
 
-    Columns are separated by commas, semicolons, tabs or spaces. Without a line of names their numbers, from 1 on, are
-    their names; a line of names may begin with ``#``.
+    Columns are separated by semicolons, tabs, commas or spaces; beside separators other than commas, numbers may have
+    decimal commas. Without a line of names their numbers, from 1 on, are their names; a line of names may begin with
+    ``#``.
     """
     import io
 
@@ -64,14 +65,14 @@ def read_csv(path: Path) -> Columns:
     comments = [line[1:].partition(":") for line in lines if line.startswith("#")]
     declared = split_declarations({key.strip(): value for key, _, value in comments})
     rows = [line for line in lines if not line.startswith("#")]
-    separator = max(",;\t", key=rows[0].count)
-    separator = separator if separator in rows[0] else r"\s+"
+    separator = next((mark for mark in ";\t," if mark in rows[0]), r"\s+")
+    decimal = "," if separator != "," and "," in rows[-1] else "."
     names = _split(rows[0], separator)
-    if has_numbers := all(map(is_number, names)):
+    if has_numbers := all(is_number(name.replace(decimal, ".")) for name in names):
         heads = [_split(line[1:].strip(), separator) for line in lines if line.startswith("#")]
         names = next((head for head in heads if len(head) == len(names)), [str(k + 1) for k in range(len(names))])
     text = io.StringIO("\n".join(rows if has_numbers else rows[1:]))
-    frame = pandas.read_csv(text, sep=separator, names=names, skipinitialspace=True, index_col=False)
+    frame = pandas.read_csv(text, sep=separator, names=names, decimal=decimal, skipinitialspace=True, index_col=False)
     return {**{name: frame[name].to_numpy() for name in names}, **declared}
 
 

@@ -12,6 +12,15 @@ from cmacexp.typing import Array
 CERTAIN = 0.1
 """Standard error of the factor of a torque in an unknown unit, over that factor, up to which it is used."""
 
+DELAYS = (-0.012, 0.03)
+"""Plausible delays of commands, s; delays from -0.06 to 0.06 s are tried."""
+GRAVITY = (0.6, 1.7)
+"""Plausible ratios of the torque of the rigid bodies to that of the model, as masses and gains are inexact."""
+MOST_LEFT = 0.35
+"""Largest part of the torque that the regression on model, friction, damping and inertia may leave, RMS over RMS."""
+NEGATIVE = -0.06
+"""Viscous friction over the gain kd below which kd is wrong: friction cannot be negative."""
+
 
 def fit_model(problem: Problem) -> tuple[Array, Array, Array, float]:
     """Regress the torque on the model for each delay of the commands; return the best regression and its delay, s.
@@ -54,17 +63,43 @@ def _solve(columns: Array, torque: Array) -> tuple[Array, Array, Array]:
     return np.sqrt(left), weights, np.sqrt(np.maximum(variance, 1e-18))
 
 
-def scale_torque(problem: Problem) -> tuple[Log, bool]:
-    """Return a log whose torques are in N m, and true if they are; the log's unit of torque is unknown.
+def list_unexplained(problem: Problem, left: Array, weights: Array, errors: Array, late: float) -> set[int]:
+    """Return the numbers of the joints whose torque drives and model do not explain with plausible parameters.
+
+    The results of :func:`fit_model` say so: too much is left, commands are shifted, rigid bodies have another sign or
+    size, viscous friction is negative, or an offset is larger than all that changes.
+    """
+    log = problem.signals.log
+    gravity, offset = weights[:, 0], weights[:, 3]
+    viscous = bound_friction(log, weights, errors, late)
+    certain = errors[:, 0] < 0.3 * np.abs(gravity)
+    plausible = (left <= MOST_LEFT) & (DELAYS[0] <= late <= DELAYS[1]) & log.has_drives
+    plausible &= ~certain | ((gravity >= GRAVITY[0]) & (gravity <= GRAVITY[1]))
+    plausible &= (viscous >= NEGATIVE * log.kd) & (np.abs(offset) <= problem.signals.torque.std(axis=0))
+    return set(np.flatnonzero(~plausible).tolist())
+
+
+def bound_friction(log: Log, weights: Array, errors: Array, late: float) -> Array:
+    """Return upper bounds of viscous friction (J,), N m s/rad, from the results of :func:`fit_model`.
+
+    A delay of the commands and viscous friction of kp times that delay look alike, and sticking friction looks like a
+    delay, so that all of the delay may be friction.
+    """
+    bounds: Array = weights[:, 2] + 2.0 * errors[:, 2] + log.kp * max(late, 0.0)
+    return bounds
+
+
+def scale_torque(problem: Problem) -> Log:
+    """Return a log whose torques are in N m, if that is possible; their unit in the log is unknown.
 
     Drives with known gains give the torque themselves. Otherwise a factor for each joint is that of the rigid bodies
-    in a regression; false: they are too light, or at rest, for one of the joints.
+    in a regression. The unit stays unknown if they are too light, or at rest, for one of the joints.
     """
     log = problem.signals.log
     if log.has_drives:
-        return replace(log, torque=None).note(
+        return replace(log, torque=None, is_unit_known=True).note(
             "Torques in an unknown unit are not used: gains and commands give N m."
-        ), True
+        )
     assert log.torque is not None
     _, weights, errors, _ = fit_model(problem)
     gravity = weights[:, 0]
@@ -73,9 +108,9 @@ def scale_torque(problem: Problem) -> tuple[Log, bool]:
         return log.note(
             f"Torques are in an unknown unit, and the rigid bodies of {', '.join(unknown)} are too light, or move "
             "too little, to estimate N m for each unit: tables of the model and identification are left out."
-        ), False
+        )
     listed = ", ".join(f"{joint} {1.0 / factor:.4g}" for joint, factor in zip(log.joints, gravity, strict=True))
-    return replace(log, torque=log.torque / gravity).note(
+    return replace(log, torque=log.torque / gravity, is_unit_known=True).note(
         f"Torques are in an unknown unit: N m for each unit follow from the masses of the model ({listed}); what is "
         "identified is in proportion to these masses."
-    ), True
+    )

@@ -18,6 +18,8 @@ PROMINENCE = 0.3
 """Least prominence of a turning point between two strokes, relative to the range of the motion."""
 SHORTEST = 0.15
 """Least duration of a stroke, s."""
+ON_LATTICE = 0.6
+"""Share of small steps that are multiples of the smallest one, above which the angles are those of an encoder."""
 PARTS = 12
 """Number of windows into which a log is cut whose motion does not repeat."""
 
@@ -182,3 +184,14 @@ def measure_lag(signals: Signals) -> Array:
     bend = before - 2.0 * at + after
     fraction = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend > 0.0)
     return (best + first + fraction) * log.period
+
+
+def is_quantised(log: Log) -> bool:
+    """Return True if the angles of most joints, while they move, are multiples of the step of an encoder."""
+    shares = list[float]()
+    for steps in np.abs(np.diff(log.angle, axis=0)).T:
+        steps = steps[steps > 1e-6]
+        if len(steps) > 20:
+            few = steps[steps < 20.0 * steps.min()] / steps.min()
+            shares.append(float((np.abs(few - np.round(few)) < 0.1).mean()) if len(few) > 10 else 0.0)
+    return bool(shares) and float(np.median(shares)) > ON_LATTICE

@@ -126,6 +126,31 @@ def test_all_faults_are_in_one_line_with_the_options_that_go_on_and_one_that_is_
     assert any("Accepted (delay)" in note for note in notes_of(late, ("delay", "damping", "gravity", "model")))
 
 
+def test_rows_around_missing_ones_stay_as_they_are():
+    log = choose(lambda rows: np.delete(rows, [500, 501]))(fine())
+    mended = measure(log, make_problem(log).machine).signals.log
+    np.testing.assert_allclose(mended.time, fine().time, atol=1e-9)
+    np.testing.assert_allclose(np.delete(mended.angle, [500, 501], 0), log.angle, atol=1e-9)
+
+
+def test_degrees_of_a_joint_without_limits_are_a_fault_of_its_unit():
+    log = FAULTS["all in degrees"][0](fine())
+    machine = make_problem(log).machine
+    free = replace(machine, ranges=np.full_like(machine.ranges, np.inf) * [-1.0, 1.0])
+    with pytest.raises(BadInput, match="--units angle=deg,command=deg"):
+        measure(log, free)
+
+
+def test_a_measured_torque_of_one_joint_in_another_unit_is_a_fault_and_its_factor_is_estimated():
+    log = replace(fine(), torque=make_problem(fine()).signals.torque * [1.0, 7.0], command=None)
+    with pytest.raises(BadInput, match=r"torque of knee is .* times .*--units torque=unknown"):
+        notes_of(log)
+    scaled = measure(replace(log, is_unit_known=False), make_problem(log).machine)
+    assert scaled.signals.log.is_unit_known
+    assert any("N m for each unit" in note for note in scaled.values["notes"])
+    assert scaled.values["explained"]["all"]["identified on the first half"] < 30.0
+
+
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_of_a_log_gives_one_line_that_names_it(name):
     damage, words = FAULTS[name]

@@ -130,6 +130,9 @@ OTHER_STYLES = {
     "numbered": (lambda n: f"jpos{n}", lambda n: f"jpos_des{n}", "timestamp_ms", ("0", "1", "2")),
     "spaces": (lambda n: f"- {NAMES[n]} position", lambda n: f"- {NAMES[n]} command", "Time [s]", NAMES),
     "arrays": (lambda n: f"q[{n}]", lambda n: f"q_d[{n}]", "t", ("0", "1", "2")),
+    "motors": (lambda n: f"motor{n}.q", lambda n: f"motor{n}.q_target", "t", ("motor0", "motor1", "motor2")),
+    "paths": (lambda n: f"{NAMES[n]}/pos/measured", lambda n: f"{NAMES[n]}/pos/commanded", "Timestamp [s]", NAMES),
+    "prefixes": (lambda n: f"q_act_{NAMES[n]}", lambda n: f"q_ref_{NAMES[n]}", "time_s", NAMES),
 }
 
 
@@ -143,6 +146,16 @@ def test_names_of_other_tools_are_understood_and_times_since_1970_keep_their_dig
     assert log.joints == joints
     np.testing.assert_allclose([log.angle, log.command], [ANGLE, COMMAND])
     np.testing.assert_allclose(log.time, TIME, atol=1e-12)
+
+
+@pytest.mark.parametrize("has_names", [True, False])
+def test_numbers_with_decimal_commas_are_read_beside_semicolons(tmp_path, has_names):
+    frame = pd.DataFrame(columns())
+    frame.to_csv(tmp_path / "log.csv", index=False, sep=";", decimal=",", header=has_names)
+    names = {} if has_names else {"time": "1", "angle": "2-4", "command": "5-7"}
+    log = read_log(tmp_path / "log.csv", names, gains={"kp": [20.0], "kd": [1.0]})
+    np.testing.assert_allclose(log.time, TIME, atol=1e-12)
+    np.testing.assert_allclose(log.angle[:, 0], frame.to_numpy()[:, 1])
 
 
 def test_columns_without_names_are_named_by_number_and_a_rate_stands_for_times(tmp_path):

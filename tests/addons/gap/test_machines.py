@@ -1,9 +1,13 @@
 """Logs with measured torques of four kinds of simulated machines: the truth lies in the intervals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from support.doors import BadInput
 from support.machines import KINDS, make_machines
 
+from cmacexp.addons.gap.analysis import measure
 from cmacexp.addons.gap.identify import LEVELS, fit
 from cmacexp.addons.gap.machine import read_machine
 from cmacexp.addons.gap.problem import NAMES, Problem
@@ -40,6 +44,17 @@ def list_inside(kind, count, folder, first=0):
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_truth_of_a_machine_lies_in_its_intervals(kind, tmp_path, compiled):
     assert np.mean(list_inside(kind, 1, tmp_path)) >= 0.75
+
+
+@pytest.mark.ci
+def test_the_gains_of_a_soft_leg_with_friction_over_the_angle_are_not_refused(tmp_path, compiled):
+    machine = next(make_machines("leg", 1, 5))
+    (tmp_path / "model.xml").write_text(machine.model)
+    log = replace(machine.log, torque=None, kp=np.full(2, 25.0), kd=np.full(2, 1.0))
+    robot = read_machine(str(tmp_path / "model.xml"), log.joints)
+    assert measure(log, robot).values["explained"]["all"]["identified on the first half"] < 20.0
+    with pytest.raises(BadInput, match="--kd 3 is too large"):
+        measure(replace(log, kd=3.0 * log.kd), robot)
 
 
 @pytest.mark.nightly
