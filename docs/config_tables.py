@@ -19,13 +19,13 @@ SCENARIOS = ("one_leg", "force_step", "quadruped")
 MODEL = Path(__file__).parents[1] / "tests" / "support" / "robot.xml"
 """Model used in place of robot models that are not installed."""
 ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={MODEL}")
-OF_ROBOTS = ("walk", "amble", "trot", "pace", "mujoco_robot_rigid", "drives", "proprioceptive", "unitree")
+NEEDS = {name: ["controller=drives"] for name in ("unitree", "unitree_mujoco")}
+"""Overrides that an option needs in addition to a robot."""
+OF_ROBOTS = ("walk", "amble", "trot", "pace", "mujoco_robot_rigid", "drives", "proprioceptive", *NEEDS)
 """Options that only robots can have."""
 GROUPS = [
     name for name, kind in Config.__annotations__.items() if kind is not str and (config_folder() / name).is_dir()
 ]
-NEEDS = {"unitree": ["controller=drives"]}
-"""Overrides that an option needs in addition to a robot."""
 VARIES = "depends on NAME"
 
 
