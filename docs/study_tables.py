@@ -62,7 +62,7 @@ def describe_verdict(statement: Statement, entry: Any) -> str:
 
 
 def tabulate_statements(names: Sequence[str], results: PublishedResults) -> str:
-    """Tabulate statements, named ``STUDY.STATEMENT``, with a row for each criterion that has a limit."""
+    """Tabulate statements, named ``STUDY.STATEMENT``; findings without the criteria that have no limit."""
     rows = []
     for name in names:
         study, _, key = name.strip().partition(".")
@@ -70,8 +70,9 @@ def tabulate_statements(names: Sequence[str], results: PublishedResults) -> str:
         entry = find_entry(study, key, results.statements)
         words = describe_verdict(statement, entry)
         measured = list(list_rows(statement, entry))
-        deciding = [row for row in measured if row[LIMIT]] or measured
-        rows += [("" if index else words, *row) for index, row in enumerate(deciding)]
+        is_claim = isinstance(statement, Claim)
+        chosen = [row for row in measured if is_claim or row[LIMIT]] or measured
+        rows += [("" if index else words, *row) for index, row in enumerate(chosen)]
     return format_table(("statement", *COLUMNS), rows)
 
 

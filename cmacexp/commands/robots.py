@@ -14,6 +14,7 @@ from cmacexp.config.compose import compose_config
 from cmacexp.config.describe import describe_fields, flatten_config
 from cmacexp.config.machine import LEG_NAMES, RobotMachine, read_model
 from cmacexp.errors import BadInput, require, suggest
+from cmacexp.loop.margin import find_sampled_limit
 from cmacexp.metrics.registry import format_number
 from cmacexp.models.robot import Robot
 from cmacexp.models.robot_gains import DriveGains, derive_basis, find_joint_margin
@@ -213,6 +214,8 @@ def main(arguments: Arguments) -> None:
     print(f"effective mass at a foot at least {format_number(basis.foot_mass, 'kg')}, {basis.ratio:.3g} of the mass")
     margins = _list_margins(config, overrides)
     print_table(["controller", "period, s", "crossover, Hz", "delay margin, ms", ""], margins)
+    limit = format_number(find_sampled_limit(config), "N m s/rad")
+    print_line(f"drives that compute once a command shake a joint in the air from a damping of {limit} on")
     walk = _plan_walk(config, robot)
     print_table(["", "unit", "hip", "thigh", "calf"], [*list_joints(robot), *walk.torques])
     for line in walk.lines:
