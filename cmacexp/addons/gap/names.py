@@ -96,6 +96,11 @@ def _compile(pattern: str) -> "re.Pattern[str]":
     return re.compile(text, re.IGNORECASE)
 
 
+def _has_open_bracket(text: str) -> bool:
+    """Return True if a bracket that begins in ``text`` does not end there, so that it is a part of a longer name."""
+    return sum(map(text.count, "([")) > sum(map(text.count, ")]"))
+
+
 def list_patterns(tried: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> tuple[str, ...]:
     """Return the names that are ``tried``, as the columns write them, and the first ones as they are."""
     listed = dict[str, None]()
@@ -104,6 +109,8 @@ def list_patterns(tried: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> 
         for name in columns:
             if match := form.fullmatch(name.translate(SEPARATORS)):
                 begin, end = match.span(1) if form.groups else (0, 0)
+                while end < len(name) and _has_open_bracket(name[begin:end]):
+                    end += 1
                 listed[name[:begin] + JOINT + name[end:] if form.groups else name] = None
     listed |= dict.fromkeys(pattern for pattern in tried[:MOST_LISTED] if NUMBER not in pattern)
     return tuple(listed)
