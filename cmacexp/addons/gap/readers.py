@@ -65,7 +65,7 @@ def read_csv(path: Path) -> Columns:
     comments = [line[1:].partition(":") for line in lines if line.startswith("#")]
     declared = split_declarations({key.strip(): value for key, _, value in comments})
     rows = [line for line in lines if not line.startswith("#")]
-    separator = next((mark for mark in ";\t," if mark in rows[0]), r"\s+")
+    separator = next((mark for mark in ";\t," if mark in rows[-1]), r"\s+")  # a name may contain any of them
     decimal = "," if separator != "," and "," in rows[-1] else "."
     names = _split(rows[0], separator)
     if has_numbers := all(is_number(name.replace(decimal, ".")) for name in names):
