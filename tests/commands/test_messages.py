@@ -1,4 +1,4 @@
-"""What users see: forty answers word for word (``messages.txt``), and one rule for all (``wrong_inputs.txt``).
+"""What users see: some answers word for word (``messages.txt``), and one rule for all (``wrong_inputs.txt``).
 
 A line of ``messages.txt`` that starts with ``$`` is a whole command, or config overrides that are run; one that
 starts with ``>>>`` is Python. Renew all answers with ``PYTHONPATH=.:tests python tests/commands/test_messages.py``,
@@ -113,7 +113,7 @@ PINNED = [
 
 
 @pytest.mark.parametrize("block", PINNED)
-def test_forty_messages_are_these(block, folder):
+def test_an_answer_is_word_for_word_that_of_the_page(block, folder):
     line, _, expected = block.partition("\n")
     assert answer(line) == expected, f"if this is meant, renew the page: python {Path(__file__).name}"
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import BadInput, compose_config, make_scenario
+from support.doors import compose_config, make_scenario
 from support.robot_walks import RIGID, ROBOT, SHORT
 from support.robots import OWN
 from support.rollout import roll_out
@@ -43,23 +43,6 @@ def test_a_command_leads_the_foot_along_its_reference_and_missing_force_teaches(
         at_sample = command[drives.ANGLE, i] - AHEAD * command[drives.VELOCITY, i]
         law = 80.0 * (at_sample - 0.01) + 6.0 * (command[drives.VELOCITY, i] - 0.2)
         assert_allclose(state.learning_error[i], law + (0.5 * lacking * jacobian[1] if support[i] else 0.0))
-
-
-@pytest.mark.parametrize(
-    ("lag", "elasticity", "method", "key"),
-    [
-        (0.1, 0, "combined", "controller.damping"),
-        (0, 0.1, "combined", "force_control.elasticity"),
-        (0, 0, "damping", "force_control.method"),
-    ],
-)
-def test_what_drives_cannot_do_is_refused(lag, elasticity, method, key):
-    given = {
-        "actuator": SimpleNamespace(lag=lag),
-        "force_control": SimpleNamespace(elasticity=elasticity, admittance=0, method=method),
-    }
-    with pytest.raises(BadInput, match=f"^{key}="):
-        DriveController.Config(stiffness=80.0, damping=6.0, force_weight=1.0).check(SimpleNamespace(**given))
 
 
 @pytest.mark.ci

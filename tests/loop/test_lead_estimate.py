@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.doors import BadInput, make_scenario
+from support.doors import make_scenario
 from support.rollout import roll_out
 
 import cmacexp
@@ -85,16 +85,3 @@ def test_a_response_that_chance_could_give_is_no_estimate():
     shares = {3: 0.9, 5: 1.0, 7: 0.9}
     probe.response[:] = noise - sum(share * np.roll(probe.pattern, lag, axis=0) for lag, share in shares.items())
     assert (estimate_lead(probe), estimate_lead(probe, on_drives=True)) == (3, 5)
-
-
-@pytest.mark.parametrize(
-    ("setting", "named"),
-    [
-        ("learning.guard=none", "learning.lead"),
-        ("feedforward._target_=support.fields.Mine", "learning.lead"),
-        ("cycles=10", "cycles"),  # it ends before the estimate
-    ],
-)
-def test_what_cannot_take_an_estimate_is_refused(make_config, setting, named):
-    with pytest.raises(BadInput, match=f"^{named}="):
-        roll_out(make_scenario(make_config(*ESTIMATED, setting)))

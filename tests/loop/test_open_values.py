@@ -6,8 +6,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from support.doors import make_scenario
 from support.rollout import roll_out
 
-from cmacexp.errors import BadInput
-
 LEG = ("scenario=one_leg", "cmac.addressing=visited", "gait.cycle_time=0.5")
 
 
@@ -24,14 +22,6 @@ def test_without_gravity_feedback_only_presses_with_the_desired_force(make_confi
     config = make_config("scenario=one_leg", "cycles=1", "plant.gravity_factors=[0,0,0,0]")
     force = roll_out(make_scenario(config)).columns()["force"][-200:, 0]
     assert force.mean() == pytest.approx(1.0, abs=0.01)
-
-
-@pytest.mark.parametrize("group", ["plant", "feedforward"])
-def test_each_term_of_gravity_needs_a_factor(make_config, group):
-    with pytest.raises(BadInput, match=rf"{group}.gravity_factors=\[1.0, 2.0\]: must be 4 numbers"):
-        make_scenario(
-            make_config("scenario=one_leg", "feedforward=inverse_dynamics", f"{group}.gravity_factors=[1,2]")
-        )
 
 
 def test_a_model_with_the_gravity_of_the_plant_leaves_less_feedback(run_leg):

@@ -207,7 +207,7 @@ ODD = {
     ),
     "a template": ([("<worldbody>", "<worldbody><!-- ${size} -->")], (), r"machine\.path=.*is a template: expand it"),
     "feet of another width": ("", ("gait.width=0.2",), WALKS),
-    "feet too far apart": ("", ("gait.width=2",), r"gait\.width=2\.0: is beyond what"),
+    "feet too far apart": ("", ("gait.width=2",), r"gait\.width=2\.0: is beyond what FL_\w+_joint reaches"),
     "rotors that the model lacks": ([('armature="0.01"', "")], (), WALKS),
     "straight legs": ("", ("machine.home=[0,0,0]",), WALKS),
     "legs in the air": (

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.doors import BadInput, make_scenario
+from support.doors import make_scenario
 from support.robot_walks import ROBOT
 from support.robots import OWN
 from support.rollout import roll_out
@@ -72,8 +72,3 @@ def test_a_dead_torque_sensor_leaves_its_leg_without_force(make_config):
         "force_measured"
     ]
     assert measured[100:, 1].max() < 8.0 < measured[100:, 0].max()
-
-
-def test_what_is_no_robot_has_no_such_sensors(make_config):
-    with pytest.raises(BadInput, match=r"machine.kind=leg: must be robot .* use scenario=robot"):
-        make_config("scenario=one_leg", "sensors=proprioceptive")

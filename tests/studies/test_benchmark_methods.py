@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import BadInput, gaussian_taps, make_scenario
+from support.doors import gaussian_taps, make_scenario
 from support.loops import require_same_bits
 from support.robots import needs_models
 from support.rollout import roll_out
@@ -110,8 +110,3 @@ def test_repetitive_control_is_its_equation(leg):
         around = [(taps[abs(j)], k - samples + j) for j in range(1 - len(taps), len(taps))]
         expected = sum(tap * (played[before] + 0.3 * feedback[before + 2]) for tap, before in around)
         assert_allclose(played[k], expected, atol=1e-12)
-
-
-def test_a_filter_as_long_as_the_cycle_is_refused(of):
-    with pytest.raises(BadInput, match=r"feedforward\.cutoff"):
-        of(*LEG, METHODS["repetitive"], "+feedforward.cutoff=0.1")
