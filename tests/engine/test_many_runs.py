@@ -63,13 +63,6 @@ def test_a_job_that_the_loop_refuses_does_not_end_the_sweep(tmp_path):
 
 
 @pytest.mark.ci
-def test_jobs_without_folders_do_not_remove_what_is_not_theirs(tmp_path):
-    (run([*SHORT, "record=trace"], tmp_path / "s" / "0").folder / "mine.txt").touch()
-    assert sweep(*SHORT, "record=metrics", "seed=1,2", folder=tmp_path).returncode == 0
-    assert (tmp_path / "s" / "0" / "mine.txt").exists()
-
-
-@pytest.mark.ci
 def test_runs_in_memory_leave_nothing_on_disk_and_have_the_traces_of_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     trace = run_many([SHORT], "trace", processes=1)

@@ -61,7 +61,7 @@ def mirrored():
 
 EVERY_HOME = "machine.home=[[0,0.9,-1.8],[0,0.9,-1.8],[0,-0.9,1.8],[0,-0.9,1.8]]"
 OTHERS = r"machine\.path=.*: has {}"
-TURNED = r"machine\.feet=.* in the frame of the trunk"
+TURNED = r"machine\.feet=.* in the frame of the trunk.* turn the frame"
 UNITS = r"machine\.path=.*: the {} is"
 
 ODD = {
@@ -173,6 +173,11 @@ ODD = {
         TURNED,
     ),
     "a frame on its side": (turn_frame("0.7071 0.7071 0 0"), (), TURNED),
+    "a frame on its other side": (
+        turn_frame("0.7071 -0.7071 0 0"),
+        (),
+        r"machine\.feet=FL, FR, RL, RR: .* turn the frame",
+    ),
     "mirrored rear knees": (mirrored(), (EVERY_HOME,), WALKS),
     "mirrored rear knees, found": (mirrored(), (), WALKS),
     "mirrored rear knees at one home": (

@@ -1,4 +1,4 @@
-"""What studies measure, against mathematics by hand: equations, events, counts, and runs that failed."""
+"""What studies measure, against mathematics by hand."""
 
 import math
 
@@ -16,8 +16,6 @@ from pipelines.one_leg_learning_trace import (
     reference_depth,
     weight_at_foot,
 )
-
-# Statics of one leg
 
 
 def config(method="combined", factor=1.0):
@@ -69,6 +67,3 @@ def test_the_nearest_bandwidth_is_that_of_a_stable_loop_whose_resonance_is_low(l
     table = pd.DataFrame([rows[name] for name in loops.split()], columns=("excess", "distance"))
     results = Results([], {"lead_design": table.assign(gain=1.0)})
     assert find_nearest(results, only_one=True) == find_nearest(results) == pytest.approx([expected])
-
-
-# What counts
