@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.addons.gap.clock import regularise
-from cmacexp.addons.gap.faults import check
+from cmacexp.addons.gap.faults import check, check_values
 from cmacexp.addons.gap.identify import Fit
 from cmacexp.addons.gap.learners import Maker, make_networks, make_tables, place_below, predict_all
 from cmacexp.addons.gap.log import Log
@@ -70,13 +70,15 @@ def measure(log: Log, machine: Machine, accepted: Collection[str] = ()) -> Gap:
     Raises BadInput if the log is unfit, see :func:`check`; faults of the ``accepted`` kinds are notes.
     """
     log = regularise(log)
+    check_values(log)
     if not log.is_unit_known:
         log = scale_torque(Problem(Signals(log), machine))
     signals = Signals(log)
     problem = Problem(signals, machine)
-    limits = check(problem, accepted)
+    regression = fit_model(problem)
+    limits = check(problem, regression, accepted)
     if signals.is_measured and log.has_drives:
-        problem = replace(problem, command_delay=max(0.0, fit_model(problem)[3]) + log.period / 2.0)
+        problem = replace(problem, command_delay=max(0.0, regression.delay) + log.period / 2.0)
     notes = [*log.notes, *limits, *_describe_strokes(signals)]
     return Gap(
         problem,
@@ -123,17 +125,20 @@ def add_learner(gap: Gap, name: str, make: Maker) -> None:
     The scores are added to ``gap.values`` under ``name``. A learner whose package is not installed is skipped.
     """
     try:
-        updated = predict_all(make(), gap.signals)
+        learner = make()
     except ImportError:
         return
     fastest = gap.signals.fastest
     last = gap.signals.count
-    frozen = predict_all(make(), gap.signals, last // 2)
+    half = last // 2
+    frozen = predict_all(learner, gap.signals, half)
+    after = gap.signals.stroke[:, None] > half
+    updated = np.where(after, predict_all(learner, gap.signals, first=half + 1), frozen)
     gap.values["left"][name] = {
         **score(gap, updated, list_scored(gap.signals)),
         "fastest": score(gap, updated, [fastest]),
         "strokes": [round(measure_left(gap.signals, updated, k), 3) for k in range(1, last + 1)],
-        "frozen": {"after": last // 2, "fastest": score(gap, frozen, [fastest])},
+        "frozen": {"after": half, "fastest": score(gap, frozen, [fastest])},
     }
 
 

@@ -13,18 +13,10 @@ import numpy as np
 from cmacexp.addons.gap.log import KEY, Log
 from cmacexp.addons.gap.machine import Machine
 from cmacexp.addons.gap.problem import Problem
-from cmacexp.addons.gap.regression import (
-    DELAYS,
-    GRAVITY,
-    MOST_LEFT,
-    NEGATIVE,
-    bound_friction,
-    fit_model,
-    list_unexplained,
-)
+from cmacexp.addons.gap.regression import DELAYS, GRAVITY, MOST_LEFT, Regression, list_unexplained
 from cmacexp.addons.gap.signals import Signals, differentiate, is_quantised, low_pass
 from cmacexp.errors import BadInput, require
-from cmacexp.typing import Array, Mask
+from cmacexp.typing import Array
 
 LEAST_ROWS = 200
 """Least number of rows of a log."""
@@ -67,6 +59,8 @@ KINDS = (
 """Kinds of faults that ``--accept`` makes notes."""
 CAUSES = {"copied", "scale", "zero", "order", "range", "frozen", "clipped", "jump", "lost", "torque"}
 """Kinds of faults after which a comparison with the model says nothing more."""
+NOTE = "note"
+"""Kind of what is no fault, and only noted."""
 
 
 class Fault(NamedTuple):
@@ -83,32 +77,30 @@ class Unfit(BadInput):
 
     def __init__(self, key: str, value: object, allowed: str, options: dict[str, list[str]]):
         super().__init__(key, value, allowed)
-        self.args = (*self.args, options)
+        self.args = (*self.args, options)  # as for BadInput
         self.options = options
 
 
-def check(problem: Problem, accepted: Collection[str] = ()) -> list[str]:
+def check(problem: Problem, regression: Regression, accepted: Collection[str] = ()) -> list[str]:
     """Check a log by itself and against a model, and return notes on its limits, one sentence each.
 
     Faults of a kind of KINDS in ``accepted`` are notes. Raises BadInput with all other faults in one line.
     """
     log = problem.signals.log
-    _check_values(log)
-    left, weights, errors, late = fit_model(problem)
-    unexplained = list_unexplained(problem, left, weights, errors, late)
+    unexplained = list_unexplained(problem, regression)
     faults = [] if log.command is None else list(_check_pairs(log, log.command, unexplained))
     for j in range(len(log.joints)):
         faults += _check_angle(log, problem.machine, j, log.has_drives and j in unexplained)
     faults += _check_lost_rows(log)
     if log.torque is not None and log.has_drives:
         faults += _check_torque(log, log.torque)
-    notes = list(_note(log))
-    if log.is_unit_known and not CAUSES & {fault.kind for fault in faults if fault.kind not in accepted}:
-        faults += _check_against_model(problem, left, weights, errors, late, notes)
-    refused = [fault for fault in faults if fault.kind not in accepted]
+    if log.is_unit_known and not CAUSES.difference(accepted).intersection(fault.kind for fault in faults):
+        faults += _check_against_model(problem, regression)
+    refused = [fault for fault in faults if fault.kind not in (NOTE, *accepted)]
     if refused:
         raise _refuse(log, refused)
-    return notes + [f"Accepted ({fault.kind}): {fault.text}." for fault in faults]
+    notes = [*_note(log), *(fault.text for fault in faults if fault.kind == NOTE)]
+    return notes + [f"Accepted ({fault.kind}): {fault.text}." for fault in faults if fault.kind != NOTE]
 
 
 def _refuse(log: Log, faults: list[Fault]) -> Unfit:
@@ -128,7 +120,7 @@ def _refuse(log: Log, faults: list[Fault]) -> Unfit:
     )
 
 
-def _check_values(log: Log) -> None:
+def check_values(log: Log) -> None:
     """Check that a log has enough rows, and finite values of plausible size; raise BadInput."""
     rows = len(log.time)
     require(
@@ -291,65 +283,60 @@ def _check_torque(log: Log, torque: Array) -> Iterator[Fault]:
         yield Fault("torque", f"column {log.column('torque', j)} is {times}", "--units", "torque=unknown")
 
 
-def _check_against_model(
-    problem: Problem, left: Array, weights: Array, errors: Array, late: float, notes: list[str]
-) -> Iterator[Fault]:
-    """Yield faults that a regression of the log on the model shows: times, gains, signs, or too little explained.
-
-    ``left`` (J,), ``weights``, ``errors`` and ``late`` are those of :func:`fit_model`; limits are added to ``notes``.
-    """
+def _check_against_model(problem: Problem, regression: Regression) -> Iterator[Fault]:
+    """Yield faults that a regression of the log on the model shows: times, gains, signs, or too little explained."""
     log = problem.signals.log
+    late = regression.delay
     if log.has_drives and not DELAYS[0] <= late <= DELAYS[1]:
         yield Fault(
             "delay",
             f"commands fit best {1e3 * abs(late):.0f} ms {'later' if late > 0 else 'earlier'} than they are written: "
             "their times are shifted, or --kp or --kd is wrong",
         )
-    gravity = weights[:, 0]
-    certain = errors[:, 0] < 0.3 * np.abs(gravity)
-    for j in np.flatnonzero(certain & (gravity < 0.0)):
+    gravity = regression.weights[:, 0]
+    for j in np.flatnonzero(regression.is_certain & (gravity < 0.0)):
         yield Fault(
             "sign",
             f"torque of {log.joints[j]} grows where the model of {problem.machine.joints[j]} says "
             f"that it falls (factor {gravity[j]:.2f}): its sign, side or joint is another",
         )
     power = (problem.signals.torque**2).mean(axis=0)
-    whole = float(np.sqrt((left**2 * power).sum() / max(float(power.sum()), 1e-12)))
+    whole = float(np.sqrt((regression.left**2 * power).sum() / max(float(power.sum()), 1e-12)))
     if whole > MOST_LEFT:
         yield Fault(
             "model",
             f"the model leaves {100.0 * whole:.0f} % of its torque unexplained: order, signs or units of joints, or "
             "--robot, are wrong, or its base moved or its feet touched the ground",
         )
-    too_low = bound_friction(log, weights, errors, late) < NEGATIVE * log.kd
-    for j in np.flatnonzero(too_low & log.has_drives):
+    viscous = regression.weights[:, 2]
+    for j in np.flatnonzero(regression.has_negative_friction(log) & log.has_drives):
         yield Fault(
             "damping",
-            f"viscous friction of {log.joints[j]} comes out as {weights[j, 2]:.2g} "
+            f"viscous friction of {log.joints[j]} comes out as {viscous[j]:.2g} "
             f"N m s/rad, below zero: --kd {log.kd[j]:g} is too large",
         )
-    yield from _check_gravity(problem, gravity, errors[:, 0], certain, notes)
-    if log.has_drives and (viscous := float(np.median(weights[:, 2]))) > 0.4 * float(log.kd.mean()):
-        notes.append(
-            f"Viscous friction is {viscous:.2f} N m s/rad, much beside --kd {log.kd.mean():g}: check that gain."
-        )
+    yield from _check_gravity(problem, regression)
+    if log.has_drives and (median := float(np.median(viscous))) > 0.4 * float(log.kd.mean()):
+        text = f"Viscous friction is {median:.2f} N m s/rad, much beside --kd {log.kd.mean():g}: check that gain."
+        yield Fault(NOTE, text)
 
 
-def _check_gravity(
-    problem: Problem, gravity: Array, errors: Array, certain: Mask, notes: list[str]
-) -> Iterator[Fault]:
-    """Yield faults of torques that are ``gravity`` (J,) times those of the rigid bodies of the model.
+def _check_gravity(problem: Problem, regression: Regression) -> Iterator[Fault]:
+    """Yield faults of torques in proportion to those of the rigid bodies of the model.
 
-    They are ``certain`` (J,) where their standard ``errors`` are small. Small or unknown ratios become ``notes``.
+    Ratios that are small or unknown are notes.
     """
     log = problem.signals.log
-    factor = float(np.average(gravity[certain], weights=errors[certain] ** -2)) if certain.any() else 1.0
+    gravity = regression.weights[:, 0]
+    certain = regression.is_certain
+    precision = regression.errors[certain, 0] ** -2
+    factor = float(np.average(gravity[certain], weights=precision)) if certain.any() else 1.0
     times = f"are {factor:.2f} times those of the rigid bodies of the model:"
     if not GRAVITY[0] <= factor <= GRAVITY[1]:
         mend = ("--units", "torque=unknown") if problem.signals.is_measured else ("--accept", "")
         yield Fault("gravity", f"torques {times} gains (--kp), units of torque, or masses are wrong by that", *mend)
     elif not 0.8 <= factor <= 1.25:
-        notes.append(f"Torques {times} masses, or gains, differ by that.")
+        yield Fault(NOTE, f"Torques {times} masses, or gains, differ by that.")
     if not problem.signals.is_measured or log.has_drives:
         return  # the drives give the unit
     for j in np.flatnonzero(certain & (gravity > 0.0) & ((gravity < UNIT[0]) | (gravity > UNIT[1]))):
@@ -361,9 +348,10 @@ def _check_gravity(
             "torque=unknown",
         )
     if unknown := [log.joints[j] for j in np.flatnonzero(~certain)]:
-        notes.append(
+        yield Fault(
+            NOTE,
             f"Nothing in this log shows whether the torques of {', '.join(unknown)} are in N m: the rigid bodies are "
-            "too light or move too little, and there are no gains."
+            "too light or move too little, and there are no gains.",
         )
 
 

@@ -54,13 +54,13 @@ Maker = Callable[[], Learner]
 """A constructor of a learner."""
 
 
-def predict_all(learner: Learner, signals: Signals, last: int | None = None) -> Array:
-    """Predict the torque (n, J) of all strokes, N m, each from the strokes before it.
+def predict_all(learner: Learner, signals: Signals, last: int | None = None, first: int = 1) -> Array:
+    """Predict the torque (n, J) of the strokes from ``first`` on, N m, each from the strokes before it.
 
     After stroke ``last`` nothing is learnt; None: every stroke is learnt.
     """
     predicted = np.zeros_like(signals.torque)
-    for stroke in range(1, signals.count + 1):
+    for stroke in range(first, signals.count + 1):
         rows = signals.rows(stroke)
         predicted[rows] = learner.predict(rows)
         if last is None or stroke <= last:

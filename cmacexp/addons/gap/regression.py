@@ -1,13 +1,14 @@
 """Regression of the torque of a log on the model of its machine, by which faults and units of torque show."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from cmacexp.addons.gap.log import Log
 from cmacexp.addons.gap.problem import Problem
 from cmacexp.addons.gap.signals import Signals, low_pass
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Mask
 
 CERTAIN = 0.1
 """Standard error of the factor of a torque in an unknown unit, over that factor, up to which it is used."""
@@ -22,71 +23,84 @@ NEGATIVE = -0.06
 """Viscous friction over the gain kd below which kd is wrong: friction cannot be negative."""
 
 
-def fit_model(problem: Problem) -> tuple[Array, Array, Array, float]:
-    """Regress the torque on the model for each delay of the commands; return the best regression and its delay, s.
+class Regression(NamedTuple):
+    """Regression of the torque of J joints on rigid bodies, inertia, viscous friction, an offset and dry friction."""
 
-    The regression is that of :func:`_solve`. The best delay leaves the least torque; if the log has measured torques,
-    it is the one at which the feedback law agrees best with them, since sticking friction looks like a delay.
+    delay: float
+    """Delay of the commands, s, at which the regression fits best."""
+    rest: float
+    """Torque that is left, root of the sum of the mean squares of the joints, N m."""
+    left: Array
+    """(J,) part of the torque that is left, RMS over RMS."""
+    weights: Array
+    """(J, 5) factor of the torque of the rigid bodies, and parameters of the joint."""
+    errors: Array
+    """(J, 5) standard errors of the weights, for which one row in 40 counts as independent."""
+
+    @property
+    def is_certain(self) -> Mask:
+        """Mask (J,) of the joints in which the factor of the rigid bodies is known to 30 %."""
+        return self.errors[:, 0] < 0.3 * np.abs(self.weights[:, 0])
+
+    def has_negative_friction(self, log: Log) -> Mask:
+        """Return the mask (J,) of the joints whose viscous friction is negative even at its upper bound.
+
+        A delay of the commands and viscous friction of kp times that delay look alike, and sticking friction looks
+        like a delay, so that all of the delay may be friction.
+        """
+        bound = self.weights[:, 2] + 2.0 * self.errors[:, 2] + log.kp * max(self.delay, 0.0)
+        return ~(bound >= NEGATIVE * log.kd)
+
+
+def fit_model(problem: Problem) -> Regression:
+    """Regress the torque on the model by least squares, with the delay of the commands that fits best.
+
+    The best delay leaves the least torque; if the log has measured torques, it is the one at which the feedback law
+    agrees best with them, since sticking friction looks like a delay.
     """
     log = problem.signals.log
     period = log.period
     rows = slice(20, len(log.time) - 20)
     columns = np.concatenate([problem.rigid[..., None], problem.make_regressors(1)[..., [0, 1, 2, 4]]], axis=-1)
-    filtered = low_pass(columns, period)[rows]
-    measured = None if log.torque is None else low_pass(log.torque, period)[rows]
-    most = round(0.06 / period) if log.has_drives else 0
-
-    def fit(delay: int) -> tuple[float, Array, Array, Array, float]:
-        signals = Signals(log, delay)
-        if measured is not None and log.has_drives:
-            torque = low_pass(signals.compute_torque(log.angle) + log.feedforward, period)[rows]
-            return float(np.abs(measured - torque).mean()), *_solve(filtered, measured), delay * period
-        torque = low_pass(signals.torque, period)[rows]
-        left, weights, errors = _solve(filtered, torque)
-        return float(np.sqrt((left**2 * (torque**2).mean(axis=0)).sum())), left, weights, errors, delay * period
-
-    return min(map(fit, range(-most, most + 1)), key=lambda fitted: fitted[0])[1:]
-
-
-def _solve(columns: Array, torque: Array) -> tuple[Array, Array, Array]:
-    """Fit the torque (n, J) of each joint by its ``columns`` (n, J, P), by least squares.
-
-    Returns the part of the torque that is left (J,), RMS over RMS, the weights (J, P), and their standard errors, for
-    which one row in 40 counts as independent.
-    """
+    columns = low_pass(columns, period)[rows]
     inverse = np.linalg.pinv(columns.transpose(1, 0, 2), rcond=1e-10)
-    weights = np.einsum("jpk,kj->jp", inverse, torque)
-    rest = torque - np.einsum("kjp,jp->kj", columns, weights)
-    independent = max(len(torque) / 40.0, 2.0 * columns.shape[2])
-    variance = (inverse**2).sum(axis=2) * (rest**2).sum(axis=0)[:, None] / independent
-    left = (rest**2).sum(axis=0) / np.maximum((torque**2).sum(axis=0), 1e-12)
-    return np.sqrt(left), weights, np.sqrt(np.maximum(variance, 1e-18))
+    independent = max(len(columns) / 40.0, 2.0 * columns.shape[2])
+    most = round(0.06 / period)
+    delays = range(-most, most + 1)
+
+    def compute_torque(delay: int) -> Array:
+        law = Signals(replace(log, torque=None), delay)
+        return low_pass(law.torque, period)[rows]
+
+    def solve(torque: Array, delay: int) -> Regression:
+        weights = np.einsum("jpk,kj->jp", inverse, torque)
+        squares = ((torque - np.einsum("kjp,jp->kj", columns, weights)) ** 2).sum(axis=0)
+        variance = (inverse**2).sum(axis=2) * squares[:, None] / independent
+        left = np.sqrt(squares / np.maximum((torque**2).sum(axis=0), 1e-12))
+        rest = float(np.sqrt((left**2 * (torque**2).mean(axis=0)).sum()))
+        return Regression(delay * period, rest, left, weights, np.sqrt(np.maximum(variance, 1e-18)))
+
+    if log.torque is None:
+        return min((solve(compute_torque(delay), delay) for delay in delays), key=lambda fitted: fitted.rest)
+    measured = low_pass(log.torque, period)[rows]
+    if not log.has_drives:
+        return solve(measured, 0)
+    return solve(measured, min(delays, key=lambda delay: float(np.abs(measured - compute_torque(delay)).mean())))
 
 
-def list_unexplained(problem: Problem, left: Array, weights: Array, errors: Array, late: float) -> set[int]:
+def list_unexplained(problem: Problem, regression: Regression) -> set[int]:
     """Return the numbers of the joints whose torque drives and model do not explain with plausible parameters.
 
-    The results of :func:`fit_model` say so: too much is left, commands are shifted, rigid bodies have another sign or
-    size, viscous friction is negative, or an offset is larger than all that changes.
+    The regression says so: too much is left, commands are shifted, rigid bodies have another sign or size, viscous
+    friction is negative, or an offset is larger than all that changes.
     """
     log = problem.signals.log
-    gravity, offset = weights[:, 0], weights[:, 3]
-    viscous = bound_friction(log, weights, errors, late)
-    certain = errors[:, 0] < 0.3 * np.abs(gravity)
-    plausible = (left <= MOST_LEFT) & (DELAYS[0] <= late <= DELAYS[1]) & log.has_drives
-    plausible &= ~certain | ((gravity >= GRAVITY[0]) & (gravity <= GRAVITY[1]))
-    plausible &= (viscous >= NEGATIVE * log.kd) & (np.abs(offset) <= problem.signals.torque.std(axis=0))
+    gravity = regression.weights[:, 0]
+    offset = regression.weights[:, 3]
+    plausible = (regression.left <= MOST_LEFT) & (DELAYS[0] <= regression.delay <= DELAYS[1]) & log.has_drives
+    plausible &= ~regression.is_certain | ((gravity >= GRAVITY[0]) & (gravity <= GRAVITY[1]))
+    plausible &= ~regression.has_negative_friction(log) & (np.abs(offset) <= problem.signals.torque.std(axis=0))
     return set(np.flatnonzero(~plausible).tolist())
-
-
-def bound_friction(log: Log, weights: Array, errors: Array, late: float) -> Array:
-    """Return upper bounds of viscous friction (J,), N m s/rad, from the results of :func:`fit_model`.
-
-    A delay of the commands and viscous friction of kp times that delay look alike, and sticking friction looks like a
-    delay, so that all of the delay may be friction.
-    """
-    bounds: Array = weights[:, 2] + 2.0 * errors[:, 2] + log.kp * max(late, 0.0)
-    return bounds
 
 
 def scale_torque(problem: Problem) -> Log:
@@ -101,9 +115,9 @@ def scale_torque(problem: Problem) -> Log:
             "Torques in an unknown unit are not used: gains and commands give N m."
         )
     assert log.torque is not None
-    _, weights, errors, _ = fit_model(problem)
-    gravity = weights[:, 0]
-    unknown = [log.joints[j] for j in np.flatnonzero(~(errors[:, 0] < CERTAIN * np.abs(gravity)))]
+    regression = fit_model(problem)
+    gravity = regression.weights[:, 0]
+    unknown = [log.joints[j] for j in np.flatnonzero(~(regression.errors[:, 0] < CERTAIN * np.abs(gravity)))]
     if unknown:
         return log.note(
             f"Torques are in an unknown unit, and the rigid bodies of {', '.join(unknown)} are too light, or move "

@@ -4,7 +4,7 @@ Learners are applied to it: the torque that they leave is compared with the pred
 are measured.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -79,13 +79,10 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
         "covariances": [covariance.tolist() for covariance in whole.covariances],
         "refused": list(refuse_parameters(problem, whole)),
     }
-    disagreeing = list(compare_fits(problem, forward, reverse))
-    for joint, name in disagreeing:
-        remove_interval(gap.values["parameters"][joint], name)
-    gap.values["refused"] += [
-        f"interval of the {name.replace('_', ' ')} of {joint}: fits to both parts of the log disagree"
-        for joint, name in disagreeing
-    ]
+    for joint, name in compare_fits(problem, forward, reverse):
+        gap.values["parameters"][joint][name]["deviation"] = None
+        sentence = f"interval of the {name.replace('_', ' ')} of {joint}: fits to both parts of the log disagree"
+        gap.values["refused"].append(sentence)
     if gap.signals.log.has_drives:
         for name, make in list_identified(problem, chosen, gap.makers["model"]).items():
             add_learner(gap, name, make)
@@ -147,11 +144,6 @@ def compare_fits(problem: Problem, one: Fit, other: Fit) -> Iterator[tuple[str, 
         yield from ((joint, name) for name in names)
 
 
-def remove_interval(params: dict[str, Any], name: str) -> None:
-    """Set the standard error of a parameter to None."""
-    params[name]["deviation"] = None
-
-
 def describe_parameters(problem: Problem, fitted: Fit) -> dict[str, Any]:
     """Return the parameters by joint with standard errors, and the range of friction and spring.
 
@@ -159,25 +151,21 @@ def describe_parameters(problem: Problem, fitted: Fit) -> dict[str, Any]:
     must supply: torque of the drive = rigid bodies + inertia + friction + offset. In an option of ``as_built`` its
     sign is that of the torque on the joint.
     """
-    described: dict[str, Any] = {}
-    for j, joint in enumerate(problem.signals.log.joints):
-        free = [k for k in range(len(NAMES)) if fitted.level.free[k]]
-        sign = {k: -1.0 if k in range(*SIGNED.indices(len(NAMES))) else 1.0 for k in free}
-        described[joint] = (
-            {"unit": UNITS[bool(problem.machine.is_prismatic[j])]}
-            | {
-                NAMES[k]: {"value": sign[k] * float(fitted.values[j, k]), "deviation": float(fitted.deviation[j, k])}
-                for k in free
-            }
-            | {
-                "coulomb_friction": {
-                    "value": fitted.values[j, len(NAMES) :].tolist(),
-                    "deviation": fitted.deviation[j, len(NAMES) :].tolist(),
-                },
-                "range": problem.ranges[:, j].tolist(),
-            }
-        )
-    return described
+    values = fitted.values.copy()
+    values[:, SIGNED] *= -1.0
+    columns: dict[str, int | slice] = {name: k for k, name in enumerate(NAMES[: fitted.level.named])}
+    columns["coulomb_friction"] = slice(len(NAMES), None)
+    return {
+        joint: {
+            "unit": UNITS[bool(problem.machine.is_prismatic[j])],
+            **{
+                name: {"value": values[j, k].tolist(), "deviation": fitted.deviation[j, k].tolist()}
+                for name, k in columns.items()
+            },
+            "range": problem.ranges[:, j].tolist(),
+        }
+        for j, joint in enumerate(problem.signals.log.joints)
+    }
 
 
 def refuse_parameters(problem: Problem, fitted: Fit) -> Iterator[str]:
@@ -203,13 +191,14 @@ def refuse_parameters(problem: Problem, fitted: Fit) -> Iterator[str]:
 class Identified:
     """A predictor that replays the plant fitted to all strokes so far; it is fitted again after every second stroke.
 
-    Until the first fit, ``before`` predicts. ``fit_to`` returns the fit to all strokes up to a given one.
+    Until the first fit, ``before`` predicts. ``identify_to`` returns the fit to all strokes up to a given one, and
+    the torque (n, J) of the drives in its replay, N m.
     """
 
-    def __init__(self, problem: Problem, before: Learner, fit_to: Callable[[int], Fit]):
-        self.problem = problem
+    def __init__(self, signals: Signals, before: Learner, identify_to: Callable[[int], tuple[Fit, Array]]):
+        self.signals = signals
         self.before = before
-        self.fit_to = fit_to
+        self.identify_to = identify_to
         self.torque = np.zeros(0)
 
     def predict(self, rows: slice) -> Array:
@@ -218,31 +207,31 @@ class Identified:
 
     def learn(self, rows: slice, torque: Array) -> None:
         """Fit the plant to the measured angles of all strokes so far, after every second one."""
-        stroke = int(self.problem.signals.stroke[rows.start])
-        if stroke % 2 == 0 and stroke < self.problem.signals.count:
-            fitted = self.fit_to(stroke)
-            angle = replay_fit(self.problem.apply(fitted.masses), fitted)
-            self.torque = self.problem.signals.compute_torque(angle)
+        stroke = int(self.signals.stroke[rows.start])
+        if stroke % 2 == 0 and stroke < self.signals.count:
+            _, self.torque = self.identify_to(stroke)
 
 
 def list_identified(problem: Problem, level: Level, before: Maker) -> Mapping[str, Maker]:
     """Return constructors of the identified plant, without and with ILC or a table, by name.
 
-    ``before`` makes the learner that predicts until the first fit.
+    ``before`` makes the learner that predicts until the first fit. All of them share the fits and their replays.
     """
+    signals = problem.signals
 
     @cache
-    def fit_to(stroke: int) -> Fit:
-        start = fit_to(stroke - 2).values if stroke > 2 else None
-        return fit(problem, level, rows_of(problem.signals, 1, stroke), start)
+    def identify_to(stroke: int) -> tuple[Fit, Array]:
+        start = identify_to(stroke - 2)[0].values if stroke > 2 else None
+        fitted = fit(problem, level, rows_of(signals, 1, stroke), start)
+        return fitted, signals.compute_torque(replay_fit(problem.apply(fitted.masses), fitted))
 
     def make() -> Learner:
-        return Identified(problem, before(), fit_to)
+        return Identified(signals, before(), identify_to)
 
     makers: dict[str, Maker] = {IDENTIFIED: make}
-    if problem.signals.repeats:
+    if signals.repeats:
         makers |= {
-            f"{IDENTIFIED}, and ILC": lambda: Both(make(), Iterative(problem.signals, 0.5)),
+            f"{IDENTIFIED}, and ILC": lambda: Both(make(), Iterative(signals, 0.5)),
             f"{IDENTIFIED}, and {ABOVE}": lambda: Both(make(), make_tables(problem)[ABOVE]()),
         }
     return makers
@@ -264,6 +253,8 @@ def act(gap: Gap, plant: Fit, first: Fit) -> dict[str, Any]:
     plan = low_pass(signals.command, log.period)
     rate = differentiate(plan, log.period)
     motion = (plan, rate, differentiate(rate, log.period))
+    equations = problem.expand(plan, rate)
+    feedback_only = problem.replay(plant.values, plant.delay)
     makers: dict[str, Maker] = {ALONE: lambda: Fixed(np.zeros_like(plan)), **as_logged}
     models = {
         "model": (gap.problem, gap.problem.machine.losses),
@@ -278,28 +269,36 @@ def act(gap: Gap, plant: Fit, first: Fit) -> dict[str, Any]:
         "as_logged": {
             name: {
                 "torque_predicted": gap.values["left"][name]["value"],
-                **_run(problem, plant, make(), log.command_velocity, plan),
+                **_run(problem, plant, make(), log.command_velocity, equations, feedback_only),
             }
             for name, make in as_logged.items()
         },
-        "with_velocity": {name: _run(problem, plant, make(), rate, plan) for name, make in makers.items()},
+        "with_velocity": {
+            name: _run(problem, plant, make(), rate, equations, feedback_only) for name, make in makers.items()
+        },
     }
 
 
-def _run(problem: Problem, plant: Fit, learner: Learner, rate: Array, plan: Array) -> dict[str, Any]:
+def _run(
+    problem: Problem,
+    plant: Fit,
+    learner: Learner,
+    rate: Array,
+    equations: Sequence[Expansion],
+    feedback_only: tuple[Array, Array],
+) -> dict[str, Any]:
     """Simulate the ``plant`` under a learner that feeds its prediction of each stroke forward, and learns after it.
 
-    It learns the sum of feedforward and feedback. ``rate`` (n, J), rad/s, is the commanded velocity, ``plan`` (n, J),
-    rad, the motion along which the equations are expanded. Returns the RMS of feedback torque and of tracking error,
-    in percent of their values with feedback only.
+    It learns the sum of feedforward and feedback. ``rate`` (n, J), rad/s, is the commanded velocity, ``equations``
+    are expanded along the commands, ``feedback_only`` are angles, rad, and velocities, rad/s, (n, J) without a
+    learner. Returns the RMS of feedback torque and of tracking error, in percent of their values with feedback only.
     """
     signals = problem.signals
     log = signals.log
     command = signals.command
     begin = signals.bounds[0]
-    logged, velocity = problem.replay(plant.values, plant.delay)
-    feedback_only = signals.compute_torque(logged)
-    expansions = problem.expand(plan, differentiate(plan, log.period))
+    logged, velocity = feedback_only
+    reference = signals.compute_torque(logged)
     state = (logged[begin], velocity[begin])
     left, tracking = list[float](), list[float]()
     for stroke in range(1, signals.count + 1):
@@ -307,13 +306,13 @@ def _run(problem: Problem, plant: Fit, learner: Learner, rate: Array, plan: Arra
         forward = learner.predict(rows)
         held = np.append(np.arange(len(forward)), len(forward) - 1)  # after the last row the state is read
         drive = make_drive(command[rows][held], rate[rows][held], forward[held], log.kp, log.kd)
-        along = [Expansion(*(values[rows][held] for values in expansion)) for expansion in expansions]
+        along = [Expansion(*(values[rows][held] for values in expansion)) for expansion in equations]
         angles, velocities = problem.replay(plant.values, plant.delay, along, drive, state)
         state = (angles[-1], velocities[-1])
         angle = angles[:-1]
         feedback = log.kp * (command[rows] - angle) + log.kd * (rate[rows] - differentiate(angle, log.period))
         learner.learn(rows, forward + feedback)
-        left.append(compare_rms(feedback, feedback_only[rows]))
+        left.append(compare_rms(feedback, reference[rows]))
         tracking.append(compare_rms(angle - command[rows], logged[rows] - command[rows]))
     return {
         name: {
