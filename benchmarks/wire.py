@@ -78,7 +78,7 @@ def kill(count: int) -> list[float]:
     """Kill a controller that sends a command every 2 ms; return the delays until the first damping command, s."""
     run_first(True)
     delays = []
-    wire = Wire(LOOPBACK, 60, STATES, COMMANDS)
+    wire = Wire(LOOPBACK, 60, STATES)
     for _ in range(count):
         controller = subprocess.Popen([sys.executable, "-m", "benchmarks.wire"], cwd=ROOT)
         while (seen := wire.receive(1.0)) is None or not get_motors(seen["motor_cmd"]["kp"]).all():
@@ -98,7 +98,7 @@ def kill(count: int) -> list[float]:
 def control() -> None:
     """Send commands every 2 ms until the process is killed."""
     guardian = Guardian(LOOPBACK, 60, 3.0, SILENCE, 0.2)
-    wire = Wire(LOOPBACK, 60, COMMANDS, None)
+    wire = Wire(LOOPBACK, 60, COMMANDS)
     command = new_command()
     set_motors(command, q=np.zeros((4, 3)), dq=0.0, tau=0.0, kp=20.0, kd=1.0)
     while True:

@@ -259,6 +259,13 @@ class HasEstimator(Protocol):
     """Config of the estimator, with the fields of ``sensors=proprioceptive``."""
 
 
+class HasReceiver(Protocol):
+    """The config of a plant that declares how the receiver of commands computes the torques of its drives."""
+
+    bus: Any
+    """Config with the fields of ``ReceiverConfig`` (:mod:`cmacexp.plants.drives`)."""
+
+
 # Optional abilities of sensors
 
 

@@ -13,6 +13,7 @@ from cmacexp.models.robot_gains import (
     find_standing_margin,
     make_sampling,
 )
+from cmacexp.protocols import HasReceiver, offers
 
 SMALL_MARGIN = 0.004
 """Delay margin below which a warning is given, s: typical delay of the buses of robots."""
@@ -79,9 +80,11 @@ def find_sampled_limit(config: Config) -> float:
 
 def check_drives(config: Config, control: DriveController.Config) -> str:
     """Return a warning if drives that compute once a command have too much damping; else an empty text."""
-    bus = getattr(config.plant, "bus", None)
+    plant = config.plant
+    if not (config.warn and offers(plant, HasReceiver) and plant.bus.sampled):
+        return ""
     limit = find_sampled_limit(config)
-    if not config.warn or bus is None or not bus.sampled or control.damping < limit:
+    if control.damping < limit:
         return ""
     return (
         f"controller.damping={control.damping:g}: drives that compute every {config.sampling_period:g} s shake "

@@ -12,7 +12,7 @@ import numpy as np
 from cmacexp.errors import BadInput
 from cmacexp.models.lead import Lead
 from cmacexp.models.leg import GRAVITY
-from cmacexp.models.loop_delay import LoopDelay, Margin, find_drive_margin
+from cmacexp.models.loop_delay import LoopDelay, Margin, add_delays, find_drive_margin
 from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.models.robot_legs import LEGS
 from cmacexp.typing import Array
@@ -186,7 +186,7 @@ def make_sampling(period: float, delay: int, lag: float, latency: float) -> Samp
     ``delay``, samples, and ``lag``, s, are those of the torque; ``latency``, s, is declared, and above the period
     counts in its place.
     """
-    return Sampling(period, LoopDelay(delay, (lag,) if lag > 0.0 else (), max(period, latency)))
+    return Sampling(period, add_delays((delay, lag), latency=max(period, latency)))
 
 
 def derive_drive_gains(robot: Robot, sampling: Sampling | None = None) -> DriveGains:

@@ -32,7 +32,7 @@ class ReceiverConfig:
     """How the receiver of commands computes the torques of the drives; gains by rule count it."""
 
     sampled: bool = field(default=False)
-    """True: once for each command, from the readings of one sampling period before, and held until the next command.
+    """True: once for each command, from readings up to one sampling period old, and held until the next command.
     False: many times in a sampling period, as in the motors of a robot."""
 
 
@@ -73,7 +73,7 @@ class Drives(NamedTuple):
     sampled: bool
     """True if the law is computed once a command."""
     readings: State
-    """(2, 2, L, J): angles, rad, and velocities, rad/s, at the beginning of the last and this sampling period."""
+    """(2, L, J): angles, rad, and velocities, rad/s, at the last beginning of a sampling period."""
     law: State
     """(L, J): torque of the law at the last command, N m, of drives that compute once a command."""
     lagged: State
@@ -128,7 +128,7 @@ def new_drives(
         clock=np.zeros(1),
         velocity=np.zeros(shape),
         sampled=bus.sampled,
-        readings=np.zeros((2, 2, *shape)),
+        readings=np.zeros((2, *shape)),
         law=np.zeros(shape),
         lagged=np.zeros((3, *shape)),
         acted=np.zeros((3, *shape)),
@@ -190,6 +190,7 @@ def drive_joints(drives: Drives, q: Counts, dq: Counts, position: Array, velocit
     Joints have the rows ``q`` (L, J) of ``position``, rad, and ``dq`` (L, J) of ``velocity``, rad/s.
     """
     is_new = _receive(drives)
+    is_first = drives.clock[0] == 0.0  # nothing is older than the first readings
     begins = int(drives.clock[0]) % drives.substeps == 0
     drives.clock[0] += 1.0
     held = drives.held
@@ -200,18 +201,15 @@ def drive_joints(drives: Drives, q: Counts, dq: Counts, position: Array, velocit
             drives.velocity[i, j] += drives.velocity_share * (velocity[dq[i, j]] - drives.velocity[i, j])
             angle = position[q[i, j]]
             rate = drives.velocity[i, j]
-            if drives.sampled:
-                if begins:
-                    is_first = drives.clock[0] == 1.0  # nothing is older than the first readings
-                    readings[0, 0, i, j] = angle if is_first else readings[1, 0, i, j]
-                    readings[0, 1, i, j] = rate if is_first else readings[1, 1, i, j]
-                    readings[1, 0, i, j], readings[1, 1, i, j] = angle, rate
-                angle, rate = readings[0, 0, i, j], readings[0, 1, i, j]
+            if drives.sampled and not is_first:
+                angle, rate = readings[0, i, j], readings[1, i, j]
             law = held[STIFFNESS, i, j] * (held[ANGLE, i, j] - angle)
             law += held[DAMPING, i, j] * (held[VELOCITY, i, j] - rate)
             if drives.sampled:
                 drives.law[i, j] = law if is_new else drives.law[i, j]
                 law = drives.law[i, j]
+                if begins:
+                    readings[0, i, j], readings[1, i, j] = position[q[i, j]], drives.velocity[i, j]
             sent = held[TORQUE, i, j] + held[FEEDFORWARD, i, j]
             law = min(max(sent + law, -drives.limit[j]), drives.limit[j]) - sent
             lagged[TORQUE, i, j] += drives.share * (held[TORQUE, i, j] - lagged[TORQUE, i, j])

@@ -19,6 +19,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from cmacexp.addons.unitree.messages import JOINTS, is_damping
+from cmacexp.addons.unitree.network import LOOPBACK, STATES, Wire
+
 FOLDER = os.environ.get("UNITREE_MUJOCO", "")
 PYTHON = os.environ.get("UNITREE_PYTHON", sys.executable)
 REASON = "UNITREE_MUJOCO does not name a clone of unitree_mujoco"
@@ -31,7 +34,6 @@ WALK = [
 GAITS = {"crawl": [], "trot": ["gait=trot", "gait.speed=0.4"]}
 LEARNERS = {"feedback only": ["feedforward=none"], "learning": []}
 STALLS = (20, 50, 100, 200, 500)
-MOTORS = np.array([[3, 4, 5], [0, 1, 2], [9, 10, 11], [6, 7, 8]])
 _domains = iter(range(40 + os.getpid() % 100, 230))
 
 
@@ -67,7 +69,7 @@ def start(folder, domain, overrides):
 
 
 def wait_for_walk(process):
-    """Wait until the robot is about to move, and then for ten seconds, in which it stands up."""
+    """Wait until the robot is about to move and has stood up; return the number of its guardian."""
     while "[ ] at the end process" not in (line := process.stderr.readline()):
         assert line, "the walk did not start"
     time.sleep(20.0)
@@ -82,30 +84,25 @@ def read_end(folder):
 
 
 def measure(folder, truth):
-    """Foot error, mm, and force error, N, estimated and true, in cycle 2 and in the last one."""
+    """Foot error, mm, and force error, N, estimated and true, in the last cycle."""
     trace = pd.read_parquet(folder / "trace.parquet")
-    told = np.load(truth)
-    true, forces, at = told["q"], told["force"], 0
+    simulated = np.load(truth)
+    true, forces, at = simulated["q"], simulated["force"], 0
     angles = np.stack([trace[f"q{n}"].to_numpy().reshape(-1, 4) for n in (1, 2, 3)], axis=2)
-    desired, seen, support, cycle = (
+    desired, estimated, support, cycle = (
         trace[name].to_numpy().reshape(-1, 4) for name in ("force_desired", "force", "phase", "cycle")
     )
     actual = np.zeros_like(desired)
     for step, q in enumerate(angles):
-        ahead = true[at : at + 400][:, MOTORS]
+        ahead = true[at : at + 400][:, JOINTS]
         at += int(np.abs(ahead - q).max(axis=(1, 2)).argmin())
-        actual[step] = forces[at][MOTORS[:, 0] // 3]
+        actual[step] = forces[at][JOINTS[:, 0] // 3]
     x, y = (trace[f"{axis}"].to_numpy() - trace[f"{axis}_desired"].to_numpy() for axis in ("x", "y"))
     foot = np.hypot(x, y).reshape(-1, 4)
-    result = {}
-    for name, number in (("cycle 2", 2), ("last", cycle.max())):
-        chosen = cycle == number
-        pressed = chosen & (support == "support")
-        result[name] = [
-            1e3 * np.sqrt((foot[chosen] ** 2).mean()),
-            *(np.sqrt(((force - desired)[pressed] ** 2).mean()) for force in (seen, actual)),
-        ]
-    return result
+    last = cycle == cycle.max()
+    pressed = last & (support == "support")
+    force_errors = [np.sqrt(((force - desired)[pressed] ** 2).mean()) for force in (estimated, actual)]
+    return [1e3 * np.sqrt((foot[last] ** 2).mean()), *force_errors]
 
 
 def count_walks(folder, tries, cycles=30):
@@ -118,7 +115,7 @@ def count_walks(folder, tries, cycles=30):
                     start(run, domain, [*gait_overrides, *overrides, f"cycles={cycles}"]).communicate()
                 ends.append(read_end(run))
                 if ends[-1][0] == "completed":
-                    errors.append(measure(run, truth)["last"])
+                    errors.append(measure(run, truth))
             done = sum(status == "completed" for status, _ in ends)
             middle = [float(value) for value in np.median(errors, axis=0).round(2)] if errors else None
             yield (
@@ -145,16 +142,13 @@ def count_stalls(folder, tries):
         yield f"stall of the simulator, {milliseconds} ms", f"{done} of {tries} completed", str(set(ends))
 
 
-def listen(domain, seconds, started=None):
-    """Times at which commands with stiffness, and commands that only damp, arrive after ``started()``."""
-    from cmacexp.addons.unitree.messages import is_damping
-    from cmacexp.addons.unitree.network import COMMANDS, LOOPBACK, STATES, Wire
-
-    wire = Wire(LOOPBACK, domain, STATES, COMMANDS)
+def listen(domain, seconds, begin):
+    """Times, s, at which commands arrive after ``begin()``, and True if they only damp."""
+    wire = Wire(LOOPBACK, domain, STATES)
     end = time.monotonic() + 10.0
     while wire.receive(0.1) is None and time.monotonic() < end:
         pass
-    started()
+    begin()
     begun = time.perf_counter()
     heard = []
     while time.perf_counter() < begun + seconds:
@@ -184,24 +178,27 @@ def count_kills(folder, tries):
 
 
 def count_senders(folder, tries):
-    moving = ["-c", MOVER]
+    def disturb(domain):
+        return subprocess.Popen([sys.executable, "-c", MOVER, str(domain)])
+
     for when in ("before", "during", "together"):
         ends = []
         for n in range(tries):
             runs = [folder / f"{when}_{n}_{k}" for k in range(2)]
             with simulate(folder / "truth.npz") as (_, domain):
-                others = [subprocess.Popen([sys.executable, *moving, str(domain)])] if when == "before" else []
+                others = [disturb(domain)] if when == "before" else []
                 time.sleep(5.0 if others else 0.0)
                 walks = [start(runs[0], domain, ["cycles=5", "feedforward=none"])]
                 if when == "during":
                     wait_for_walk(walks[0])
-                    others = [subprocess.Popen([sys.executable, *moving, str(domain)])]
+                    others = [disturb(domain)]
                 elif when == "together":
                     walks.append(start(runs[1], domain, ["cycles=5", "feedforward=none"]))
                 for process in walks:
                     process.communicate()
                 for process in others:
                     process.kill()
+                    process.wait()
             ends += [read_end(run) for run in runs[: len(walks)]]
         stopped = sum(status in ("refused", "diverged") for status, _ in ends)
         yield f"second sender {when}", f"{stopped} of {len(ends)} refused or damped", str(set(ends))
@@ -211,7 +208,7 @@ MOVER = """
 import sys, time
 from cmacexp.addons.unitree.messages import new_command, set_motors
 from cmacexp.addons.unitree.network import COMMANDS, LOOPBACK, Wire
-wire, command = Wire(LOOPBACK, int(sys.argv[1]), COMMANDS, None), new_command()
+wire, command = Wire(LOOPBACK, int(sys.argv[1]), COMMANDS), new_command()
 set_motors(command, q=[0.0, 1.0, -2.0], kp=50.0, kd=2.0)
 while True:
     wire.send(command)
@@ -221,8 +218,8 @@ while True:
 
 LISTENER = """
 import sys
-from cmacexp.addons.unitree.network import COMMANDS, LOOPBACK, STATES, Wire
-assert Wire(LOOPBACK, int(sys.argv[1]), COMMANDS, STATES).receive(20.0) is not None
+from cmacexp.addons.unitree.network import COMMANDS, LOOPBACK, Wire
+assert Wire(LOOPBACK, int(sys.argv[1]), COMMANDS).receive(20.0) is not None
 """
 
 

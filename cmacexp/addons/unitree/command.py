@@ -22,7 +22,6 @@ from cmacexp.errors import CmacexpError
 from cmacexp.metrics.registry import format_number
 from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_activity
-from cmacexp.typing import Array, Status
 
 PLAYED = [
     "scenario=robot", "machine=go2", "plant=mujoco_robot_rigid", "plant/as_built=go2", "actuator=go2",
@@ -32,9 +31,6 @@ PLAYED = [
 
 HUNG = ["scenario=robot", "machine=go2", "plant=unitree", "controller=drives"]
 """Default overrides of the controller of a robot that hangs."""
-
-LONGEST = 3600.0
-"""Time after which the simulation ends even if commands continue, s."""
 
 FAULTS = "; ".join(f"{name}: {meaning}" for name, meaning in KINDS.items())
 
@@ -48,19 +44,18 @@ def _move_hung(arguments: Arguments) -> None:
     if scenario.fault is not None:
         raise scenario.fault
     plant: Any = scenario.plant  # plant=unitree
-    status = Status.FAILED
+    move: Any = draw_chirp
+    if arguments.learn:
+        leg = LEG_NAMES.index(arguments.learn)
+        setup = scenario.setup
+        move = partial(learn_strokes, leg=leg, memory=make_memory(), lead=setup.lead, rate=setup.rate)
+    is_safe = False
     try:
         with show_activity("the joints are checked, then move"):
-            if arguments.chirp:
-                plant.move_hung(draw_chirp)
-            else:
-                leg = LEG_NAMES.index(arguments.learn)
-                setup = scenario.setup
-                learn = partial(learn_strokes, leg=leg, memory=make_memory(), lead=setup.lead, rate=setup.rate)
-                strokes: Array = plant.move_hung(learn)
-        status = Status.COMPLETED
+            strokes = plant.move_hung(move)
+        is_safe = True
     finally:
-        plant.end_run(is_safe=status == Status.COMPLETED)
+        plant.end_run(is_safe)
     if arguments.chirp:
         print_line(f"{arguments.chirp}: python -m cmacexp.gap {arguments.chirp} --robot go2")
     else:
@@ -75,9 +70,8 @@ def _play(arguments: Arguments) -> None:
     crouch = OmegaConf.load(config_folder() / "plant" / "unitree.yaml").crouch
     robot = SimulatedRobot(config, not arguments.lying, list(crouch))
     if arguments.sport:
-        mode = Thread(target=serve_mode, args=(LOOPBACK, arguments.domain, "normal"), daemon=True)
-        mode.start()
-    print_line(play(robot, LOOPBACK, arguments.domain, LONGEST, fault, arguments.patient))
+        Thread(target=serve_mode, args=(LOOPBACK, arguments.domain, "normal"), daemon=True).start()
+    print_line(play(robot, arguments.domain, fault, arguments.patient))
 
 
 @command(
@@ -120,7 +114,6 @@ def main(arguments: Arguments) -> None:
         sum(map(bool, modes)) == 1, "give one of --simulate, --chirp LOG, --learn LEG and --recover LOG"
     )
     if arguments.recover:
-        rows = recover_log(Path(arguments.recover))
-        print_line(f"{arguments.recover}: {rows} rows")
+        print_line(f"{arguments.recover}: {recover_log(Path(arguments.recover))} rows")
         return
     (_play if arguments.simulate else _move_hung)(arguments)

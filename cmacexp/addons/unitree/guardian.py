@@ -25,7 +25,7 @@ from cmacexp.addons.unitree.messages import (
     new_command,
     set_motors,
 )
-from cmacexp.addons.unitree.network import COMMANDS, STATES, Wire, run_first
+from cmacexp.addons.unitree.network import COMMANDS, Wire, run_first
 from cmacexp.errors import CmacexpError
 
 STARTS = 30.0
@@ -35,7 +35,9 @@ PERIOD = 0.002
 GONE = 3.0
 """Time without a state after which a robot is gone, s."""
 FRAME = len(lay_out(LOW_CMD))
-"""Size of a command in the pipe, bytes."""
+"""Size of a command in the pipe, bytes: below PIPE_BUF, so that a command is in the pipe whole or not at all."""
+PENDING = 64
+"""Most commands that are read at once."""
 EXITING = 4
 """Flag of a process in ``/proc/PID/stat`` that is about to end; its pipe closes up to 0.1 s later."""
 _running: list[subprocess.Popen[bytes]] = []
@@ -89,7 +91,7 @@ class Guardian:
         """Report a command that is being sent; raise CmacexpError if the guardian has taken over."""
         try:
             os.write(self._pipe, encode(command))
-        except (OSError, ValueError) as error:
+        except OSError as error:
             raise CmacexpError(
                 f"the guardian of the robot has taken over: no command for {self._longest:g} s, or it was ended"
             ) from error
@@ -120,22 +122,17 @@ def watch(wire: Wire, pipe: int, damping: float, hold: float, silence: float, co
     ``controller`` is the number of the controller's process; the other arguments are those of :class:`Guardian`. A
     robot need not be damped if the controller ends before its first command.
     """
-    received = b""
     command: Message | None = None
     last = time.perf_counter()
     while True:
         ready, _, _ = select.select([pipe], [], [], PERIOD)
         quiet = time.perf_counter() - last
         if ready:
-            data = os.read(pipe, 1 << 16)
-            received += data
-            frames = len(received) // FRAME
+            data = os.read(pipe, PENDING * FRAME)
             if not data:
                 return command is not None
-            if frames:
-                command = decode(LOW_CMD, received[(frames - 1) * FRAME : frames * FRAME])
-                received = received[frames * FRAME :]
-                last = time.perf_counter()
+            command = decode(LOW_CMD, data[-FRAME:])
+            last = time.perf_counter()
         elif command is not None and (_is_ending(controller) or quiet > hold + silence):
             return True
         elif command is not None and quiet > hold:
@@ -159,7 +156,7 @@ def main() -> None:
     """Run the guardian; arguments are network interface and DDS domain, then those of :func:`watch`."""
     interface, domain, damping, hold, silence, controller = sys.argv[1:]
     run_first(True)
-    wire = Wire(interface, int(domain), COMMANDS, STATES)
+    wire = Wire(interface, int(domain), COMMANDS)
     print("ready", flush=True)
     os.dup2(
         os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno()

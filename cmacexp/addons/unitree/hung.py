@@ -33,7 +33,7 @@ OFF = 0.8
 MOVE = 2.0
 """Duration of a motion to the initial pose, s."""
 SETTLES = 1.0
-"""Time in which a robot that lies comes to rest under the gains of walking, s."""
+"""Time in which a robot comes to rest under the gains of walking, which rise meanwhile, s."""
 HOLD = 0.25
 """Duration of each motion in the check of a joint, s."""
 CARRIED = 0.5
@@ -57,6 +57,17 @@ def find_holding_torque(robot: Robot, stand: Array) -> Array:
     return np.array(data.qfrc_bias[robot.legs.dof])
 
 
+def _nudge(link: Link, pose: Array, leg: int, joint: int, angle: float, gains: Gains) -> Array:
+    """Move a joint by ``angle``, rad, from a ``pose`` (4, 3), rad, and back; return the motion (4, 3), rad."""
+    before = link.signals.q
+    goal = pose.copy()
+    goal[leg, joint] += angle
+    link.move(goal, HOLD, gains)
+    moves = link.signals.q - before
+    link.move(pose, HOLD, gains)
+    return moves
+
+
 def check_joints(link: Link, stand: Array, expected: Array) -> None:
     """Move each joint a little up and down, and check its motion, and the torque that holds it, against the model.
 
@@ -69,13 +80,8 @@ def check_joints(link: Link, stand: Array, expected: Array) -> None:
     for leg, joint in np.ndindex(stand.shape):
         held = 0.0
         for angle in (WIGGLE, -WIGGLE):
-            before = link.signals.q
-            goal = stand.copy()
-            goal[leg, joint] += angle
-            link.move(goal, HOLD, SOFT)
-            moved = (link.signals.q - before) * np.sign(angle)
-            link.move(stand, HOLD, SOFT)
-            link.move(stand, HOLD, SOFT)  # a second time, until it is at rest
+            moved = _nudge(link, stand, leg, joint, angle, SOFT) * np.sign(angle)
+            link.move(stand, HOLD, SOFT)  # until it is at rest
             held += 0.5 * float(link.signals.torque[leg, joint])
             crosstalk = np.delete(np.abs(moved), leg * stand.shape[1] + joint).max()
             Unsafe.unless(
@@ -97,12 +103,7 @@ def touch_joints(link: Link, crouch: Array, gains: Gains) -> None:
     """
     link.move(crouch, SETTLES, gains)
     for leg, joint in np.ndindex(crouch.shape):
-        before = link.signals.q
-        goal = crouch.copy()
-        goal[leg, joint] += WIGGLE
-        link.move(goal, HOLD, gains)
-        moves = link.signals.q - before
-        link.move(crouch, HOLD, gains)
+        moves = _nudge(link, crouch, leg, joint, WIGGLE, gains)
         moved = float(moves[leg, joint])
         most = float(np.abs(moves).max())
         Unsafe.unless(
@@ -124,6 +125,7 @@ def wait_for_ground(
 
     ``estimate_force`` returns the total force on the feet, N. Raises Unsafe after ``longest``, s.
     """
+    link.move(stand, SETTLES, gains)
     end = time.monotonic() + longest
     carried = 0
     while carried < round(1.0 / link.period):

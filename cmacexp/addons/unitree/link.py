@@ -3,15 +3,14 @@
 import gc
 import time
 from collections import deque
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from cmacexp.addons.unitree.guardian import Guardian, make_damping
 from cmacexp.addons.unitree.log import Log
-from cmacexp.addons.unitree.messages import Message, get_motors, is_damping, new_command, set_motors
-from cmacexp.addons.unitree.network import COMMANDS, STATES, Wire, run_first
+from cmacexp.addons.unitree.messages import Message, is_damping, new_command, set_motors
+from cmacexp.addons.unitree.network import COMMANDS, Wire, run_first
 from cmacexp.addons.unitree.states import LimitsConfig, Reading, StateWatch, Unsafe, read_state
 from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.typing import Array
@@ -75,7 +74,7 @@ class Link:
         """Time from which on nobody else may damp the robot either, s."""
         run_first(True)  # the threads of DDS inherit the priority
         try:
-            self.wire = Wire(interface, domain, COMMANDS, STATES)
+            self.wire = Wire(interface, domain, COMMANDS)
         finally:
             run_first(False)
         reading, tick = self._listen()
@@ -132,12 +131,11 @@ class Link:
         """
         run_first(True)
         gc.disable()  # a collection takes longer than a step
-        self._damp(damping, TAKES_OVER)
+        self.damp(damping, TAKES_OVER)
         self._alone_from = time.perf_counter() + TAKES_OVER
         self.watch = StateWatch(self.limits, self.commanded.shape, self.watch.tick)
         self.wire.receive(self.limits.silence)  # discards an older state
         self.arrived = time.perf_counter()
-        self.commanded = get_motors(self.command["motor_cmd"]["q"])
         self.receive(starts=True)
         self.commanded = self.signals.q
         self.gains = (0.0, damping)
@@ -201,7 +199,7 @@ class Link:
                 break
             trouble = leap or trouble
         else:
-            raise Unsafe(trouble.replace("{", "{{").replace("}", "}}"))
+            raise Unsafe("{}", trouble)
         self.arrived = now
         self.signals = reading.signals
         self.watch.check(reading, self.signals.q if starts else self.commanded)
@@ -230,22 +228,17 @@ class Link:
             self.send((1.0 - share) * start + share * goal, 0.0, 0.0, *self.gains)
             self.receive()
 
-    def damp(self, damping: float) -> None:
-        """Damp the robot with ``damping``, N m s/rad, for LASTS seconds, unless the guardian does already."""
-        with suppress(CmacexpError):
-            self._damp(damping, LASTS)
-            return
-        end = time.monotonic() + LASTS
-        while not self.guardian.runs and time.monotonic() < end:
-            self.wire.send(make_damping(damping))
-            time.sleep(self.period)
-
-    def _damp(self, damping: float, duration: float) -> None:
-        """Damp the robot for a ``duration``, s; raise CmacexpError if the guardian has taken over."""
+    def damp(self, damping: float, duration: float = LASTS) -> None:
+        """Damp the robot with ``damping``, N m s/rad, for a ``duration``, s, unless its guardian has taken over."""
         command = make_damping(damping)
         end = time.monotonic() + duration
         while time.monotonic() < end:
-            self._transmit(command)
+            try:
+                self._transmit(command)
+            except CmacexpError:
+                if self.guardian.runs:
+                    return
+                self.wire.send(command)  # the guardian was ended
             time.sleep(self.period)
 
     def end(self) -> None:

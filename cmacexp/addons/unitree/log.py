@@ -38,11 +38,11 @@ class Log:
         self._columns = [f"{name}_{joint}" for name in LOGGED for joint in joints]
         self._rows = round(WRITTEN / period)
         self._file = name_partial(path).open("wb")
-        self._file.write(json.dumps({"period": period, "columns": self._columns}).encode() + b"\n")
+        self._trouble: OSError | None = None
         self._queue: SimpleQueue[bytes | None] = SimpleQueue()
+        self._queue.put(json.dumps({"period": period, "columns": self._columns}).encode() + b"\n")
         self._thread = threading.Thread(target=self._write, daemon=True)
         self._thread.start()
-        self._trouble: OSError | None = None
         self.clear()
 
     def clear(self) -> None:

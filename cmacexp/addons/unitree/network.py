@@ -109,10 +109,11 @@ def _load() -> ct.CDLL:
 
 def _call(name: str, *arguments: Any) -> int:
     """Call a function of DDS that returns an entity or a number; raise CmacexpError if it returns an error."""
-    value = int(getattr(_load(), name)(*arguments))
+    library = _load()
+    value = int(library[name](*arguments))
     if value < 0:
-        _load().dds_strretcode.restype = ct.c_char_p
-        raise CmacexpError(f"DDS: {name} failed: {_load().dds_strretcode(value).decode()}")
+        library.dds_strretcode.restype = ct.c_char_p
+        raise CmacexpError(f"DDS: {name} failed: {library.dds_strretcode(value).decode()}")
     return value
 
 
@@ -140,7 +141,7 @@ def _list_program(layout: type[ct.Structure]) -> list[int]:
     """List the instructions by which DDS reads and writes a structure in CDR."""
     program = []
     for name, kind, *_ in layout._fields_:
-        offset = getattr(layout, name).offset
+        offset = vars(layout)[name].offset
         if kind is ct.c_char_p:
             program += [FIELD | STRING, offset]
         elif kind is Sequence:
@@ -152,45 +153,37 @@ def _list_program(layout: type[ct.Structure]) -> list[int]:
     return [*program, 0]
 
 
-class Port:
-    """A DDS participant that reads and writes topics."""
+def open_participant(interface: str, domain: int) -> int:
+    """Open a participant of a DDS ``domain`` on a network ``interface``; raise BadInput if it cannot be joined."""
+    join(interface, domain)
+    return _call("dds_create_participant", ct.c_uint32(domain), None, None)
 
-    def __init__(self, interface: str, domain: int):
-        """Join a DDS ``domain`` on a network ``interface``; raise BadInput if that fails."""
-        join(interface, domain)
-        self._participant = _call("dds_create_participant", ct.c_uint32(domain), None, None)
-        create = _load().dds_create_qos
-        create.restype = ct.c_void_p
-        self._quality = ct.c_void_p(create())
-        _load().dds_qset_data_representation(self._quality, 1, (ct.c_int16 * 1)(PLAIN_CDR))
-        _load().dds_qset_ignorelocal(self._quality, IGNORE_OWN)
 
-    def _create(self, function: str, topic: Topic) -> int:
-        program = _list_program(topic.layout)
-        descriptor = _Descriptor(
-            size=ct.sizeof(topic.layout),
-            align=ct.alignment(topic.layout),
-            name=topic.type_name.encode(),
-            count=len(program),
-            program=(ct.c_uint32 * len(program))(*program),
-        )
-        entity = _call("dds_create_topic", self._participant, ct.byref(descriptor), topic.name.encode(), None, None)
-        return _call(function, self._participant, entity, self._quality, None)
-
-    def open_writer(self, topic: Topic) -> "Writer":
-        """Open a writer of a topic."""
-        return Writer(self._create("dds_create_writer", topic))
-
-    def open_reader(self, topic: Topic) -> "Reader":
-        """Open a reader of a topic, which keeps the newest sample only."""
-        return Reader(self._participant, self._create("dds_create_reader", topic), topic.layout)
+def _open(function: str, participant: int, topic: Topic) -> int:
+    """Open a reader or a writer of a topic, and return its entity."""
+    library = _load()
+    library.dds_create_qos.restype = ct.c_void_p
+    quality = ct.c_void_p(library.dds_create_qos())
+    library.dds_qset_data_representation(quality, 1, (ct.c_int16 * 1)(PLAIN_CDR))
+    library.dds_qset_ignorelocal(quality, IGNORE_OWN)
+    program = _list_program(topic.layout)
+    descriptor = _Descriptor(
+        size=ct.sizeof(topic.layout),
+        align=ct.alignment(topic.layout),
+        name=topic.type_name.encode(),
+        count=len(program),
+        program=(ct.c_uint32 * len(program))(*program),
+    )
+    entity = _call("dds_create_topic", participant, ct.byref(descriptor), topic.name.encode(), None, None)
+    return _call(function, participant, entity, quality, None)
 
 
 class Writer:
     """A writer of one topic."""
 
-    def __init__(self, entity: int):
-        self._entity = entity
+    def __init__(self, participant: int, topic: Topic):
+        """Open a writer of a topic."""
+        self._entity = _open("dds_create_writer", participant, topic)
 
     def write(self, sample: Any) -> None:
         """Write a sample, in the layout of the topic."""
@@ -202,13 +195,14 @@ class Writer:
 
 
 class Reader:
-    """A reader of one topic."""
+    """A reader of one topic, which keeps the newest sample only."""
 
-    def __init__(self, participant: int, entity: int, layout: type[ct.Structure]):
-        self._entity = entity
-        self._layout = layout
+    def __init__(self, participant: int, topic: Topic):
+        """Open a reader of a topic."""
+        self._entity = _open("dds_create_reader", participant, topic)
+        self._layout = topic.layout
         self._arrivals = _call("dds_create_waitset", participant)
-        condition = _call("dds_create_readcondition", entity, ct.c_uint32(NEW))
+        condition = _call("dds_create_readcondition", self._entity, ct.c_uint32(NEW))
         _call("dds_waitset_attach", self._arrivals, condition, ct.c_ssize_t(0))
 
     def read(self, timeout: float) -> Any:
@@ -219,45 +213,40 @@ class Reader:
             return None
         sample = self._layout()
         info = _SampleInfo()
-        place = (ct.c_void_p * 1)(ct.addressof(sample))
-        count = _call("dds_take", self._entity, place, ct.byref(info), ct.c_size_t(1), ct.c_uint32(1))
+        address = (ct.c_void_p * 1)(ct.addressof(sample))
+        count = _call("dds_take", self._entity, address, ct.byref(info), ct.c_size_t(1), ct.c_uint32(1))
         return sample if count and info.valid else None
 
 
 class Wire:
-    """A DDS participant that sends LowCmd or LowState, and receives the other one, or both."""
+    """A DDS participant that sends LowCmd or LowState, and receives both."""
 
-    def __init__(self, interface: str, domain: int, sends: Topic | None, receives: Topic | None):
+    def __init__(self, interface: str, domain: int, sends: Topic):
         """Join a DDS ``domain`` on a network ``interface``; raise BadInput if that fails.
 
-        The topics ``sends`` and ``receives`` are COMMANDS or STATES; None: nothing is sent, or received.
+        The topic ``sends`` is COMMANDS or STATES.
         """
-        port = Port(interface, domain)
-        self._writer = None if sends is None else port.open_writer(sends)
-        self._sent = sends
-        self._received = receives
-        self._reader = None if receives is None else port.open_reader(receives)
-        self._others = None if sends is None else port.open_reader(sends)
+        participant = open_participant(interface, domain)
+        self._writer = Writer(participant, sends)
+        self._readers = {topic: Reader(participant, topic) for topic in KINDS}
+        self._sends = sends
+        self._receives = STATES if sends == COMMANDS else COMMANDS
 
     def receive(self, timeout: float) -> Message | None:
         """Wait for a message and return the newest, or None if none arrives within ``timeout``, s.
 
         Only the newest message is kept; older ones that were not received are lost.
         """
-        assert self._reader is not None
-        assert self._received is not None
-        sample = self._reader.read(timeout)
-        return None if sample is None else decode(KINDS[self._received], bytes(sample))
+        return self._read(self._receives, timeout)
 
     def receive_other(self) -> Message | None:
         """Return the newest message that another participant has sent on the topic of this one, if it is new."""
-        assert self._others is not None
-        assert self._sent is not None
-        sample = self._others.read(0.0)
-        return None if sample is None else decode(KINDS[self._sent], bytes(sample))
+        return self._read(self._sends, 0.0)
+
+    def _read(self, topic: Topic, timeout: float) -> Message | None:
+        sample = self._readers[topic].read(timeout)
+        return None if sample is None else decode(KINDS[topic], bytes(sample))
 
     def send(self, message: Message) -> None:
         """Send a message."""
-        assert self._writer is not None
-        assert self._sent is not None
-        self._writer.write(self._sent.layout.from_buffer_copy(encode(message)))
+        self._writer.write(self._sends.layout.from_buffer_copy(encode(message)))

@@ -8,7 +8,7 @@ import ctypes as ct
 import json
 import time
 
-from cmacexp.addons.unitree.network import LOOPBACK, Port, Sequence, Topic
+from cmacexp.addons.unitree.network import LOOPBACK, Reader, Sequence, Topic, Writer, open_participant
 from cmacexp.errors import BadInput
 
 CHECK_MODE, RELEASE_MODE, STAND_DOWN = 1001, 1003, 1005
@@ -56,11 +56,11 @@ def _make_topics(service: str) -> tuple[Topic, Topic]:
 class Service:
     """A service of a robot."""
 
-    def __init__(self, port: Port, name: str):
-        """Look for the service ``name`` on a ``port``."""
+    def __init__(self, participant: int, name: str):
+        """Look for the service ``name`` by a ``participant`` of DDS."""
         request, response = _make_topics(name)
-        self._requests = port.open_writer(request)
-        self._answers = port.open_reader(response)
+        self._requests = Writer(participant, request)
+        self._answers = Reader(participant, response)
         end = time.monotonic() + FOUND
         while not self._requests.has_reader() and time.monotonic() < end:
             time.sleep(0.05)
@@ -91,36 +91,35 @@ def release_sport_mode(interface: str, domain: int) -> str:
     Raises BadInput if the program cannot be ended, or if the robot, unlike a simulator on this computer, has no such
     service.
     """
-    port = Port(interface, domain)
-    switcher = Service(port, SWITCHER)
+    participant = open_participant(interface, domain)
+    switcher = Service(participant, SWITCHER)
     if not switcher.exists:
         if interface == LOOPBACK:
             return "no service motion_switcher, as in a simulator"
         reason = "the robot has no service motion_switcher; if no motion program runs on it set plant.release=false"
         raise BadInput("plant.interface", interface, reason)
     try:
-        names = [_read_mode(switcher)]
-        sport = Service(port, SPORT) if names[0] else None
-        while names[-1] and len(names) <= RELEASES:
-            if sport is not None and sport.exists:
+        name = _read_mode(switcher)
+        if not name:
+            return "no motion program runs"
+        sport = Service(participant, SPORT)
+        for _ in range(RELEASES):
+            if sport.exists:
                 sport.call(STAND_DOWN)
             switcher.call(RELEASE_MODE)
             time.sleep(1.0)
-            names.append(_read_mode(switcher))
+            if not (running := _read_mode(switcher)):
+                return f"motion program {name} ended"
     except (OSError, ValueError) as error:
         raise BadInput("plant.release", True, f"the motion program of the robot was not released: {error}") from error
-    if names[-1]:
-        raise BadInput(
-            "plant.release", True, f"motion program {names[-1]} runs on after {RELEASES} requests to end it"
-        )
-    return f"motion program {names[0]} ended" if names[0] else "no motion program runs"
+    raise BadInput("plant.release", True, f"motion program {running} runs on after {RELEASES} requests to end it")
 
 
 def serve_mode(interface: str, domain: int, name: str) -> None:
     """Answer requests as a robot with a motion program ``name`` does, which RELEASE_MODE ends."""
-    port = Port(interface, domain)
+    participant = open_participant(interface, domain)
     ends = [
-        (port.open_reader(request), port.open_writer(answer))
+        (Reader(participant, request), Writer(participant, answer))
         for request, answer in map(_make_topics, (SWITCHER, SPORT))
     ]
     while True:

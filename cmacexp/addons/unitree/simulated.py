@@ -25,9 +25,8 @@ from cmacexp.addons.unitree.messages import (
     get_motors,
     is_damping,
 )
-from cmacexp.addons.unitree.network import COMMANDS, STATES, Wire, run_first
+from cmacexp.addons.unitree.network import LOOPBACK, STATES, Wire, run_first
 from cmacexp.config.component import find_option
-from cmacexp.config.machine import read_model
 from cmacexp.config.schema import Config, read_component
 from cmacexp.errors import require
 from cmacexp.jit.compiler import program
@@ -54,6 +53,8 @@ SPIN = 2e-4
 """Time before a state is due in which the process polls instead of sleeping, s."""
 IDLE = 5.0
 """Time without a command, except for damping, after which the simulation ends, s, once it has received one."""
+LONGEST = 3600.0
+"""Time after which the simulation ends even if commands continue, s."""
 PATIENCE = 0.5
 """Time for which a patient robot waits for a command, s."""
 VOLTAGE = 28.0
@@ -99,13 +100,13 @@ class SimulatedRobot:
         self._advance = program(advance_engine, is_timed=True)
         self._send = program(send_command, is_timed=True)
         self._nothing = np.zeros(mechanism.shape)
-        robot = read_model(config.machine)
         data = plant.data
-        at = robot.legs.base_qpos
-        rate = int(plant.model.jnt_dofadr[plant.model.body_jntadr[robot.legs.base]])
-        data.qpos[robot.legs.qpos] = crouch
+        legs = plant.robot.legs
+        at = legs.base_qpos
+        rate = int(plant.model.jnt_dofadr[plant.model.body_jntadr[legs.base]])
+        data.qpos[legs.qpos] = crouch
         plant.mujoco.mj_kinematics(plant.model, data)
-        data.qpos[at + 2] += (HANG if hung else 0.0) - data.geom_xpos[robot.legs.foot_geom, 2].min()
+        data.qpos[at + 2] += (HANG if hung else 0.0) - data.geom_xpos[legs.foot_geom, 2].min()
         plant.mujoco.mj_step1(plant.model, data)
         self._base_inertia = plant.model.dof_armature[rate : rate + 6]
         self._base_inertia[:] = ROPES  # also of a robot that lies, until it receives a command
@@ -122,8 +123,7 @@ class SimulatedRobot:
         """Set the command of the drives; a command with a wrong checksum is ignored, as by a real robot."""
         if command["crc"] != compute_checksum(command):
             return
-        rows = {"tau": TORQUE, "q": ANGLE, "dq": VELOCITY, "kp": STIFFNESS, "kd": DAMPING}
-        for name, row in rows.items():
+        for name, row in (("tau", TORQUE), ("q", ANGLE), ("dq", VELOCITY), ("kp", STIFFNESS), ("kd", DAMPING)):
             self._command[row] = get_motors(command["motor_cmd"][name])
 
     def step(self) -> None:
@@ -173,8 +173,8 @@ class SimulatedRobot:
         state["foot_force"][JOINTS[:, 0] // JOINTS.shape[1]] = np.clip(self.plant.state.force, 0, 32767)
 
 
-def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fault: Fault, patient: bool) -> str:
-    """Simulate a robot for ``seconds``, or until commands stop; return one line about the course of the simulation.
+def play(robot: SimulatedRobot, domain: int, fault: Fault, patient: bool) -> str:
+    """Simulate a robot on this computer until commands stop; return one line about the course of the simulation.
 
     A ``patient`` robot waits for the command that answers each state, after the first command, instead of running in
     real time.
@@ -187,16 +187,14 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
     if not patient:
         run_first(True)
         gc.disable()  # a collection takes longer than several steps
-    wire = Wire(interface, domain, STATES, COMMANDS)
-    print(
-        f"a robot on {interface}, domain {domain}: {'it hangs' if robot.hung else 'it lies on the ground'}",
-        flush=True,
-    )
+    wire = Wire(LOOPBACK, domain, STATES)
+    pose = "it hangs" if robot.hung else "it lies on the ground"
+    print(f"a robot on {LOOPBACK}, domain {domain}: {pose}", flush=True)
     begun = last_command = time.perf_counter()
     age = 0 if fault.start == 0 else -1  # number of states since the first command; faults begin at some age
     commands = late = 0
     worst = 0.0
-    end = begun + seconds
+    end = begun + LONGEST
     while (now := time.perf_counter()) < end and (not commands or now - last_command < IDLE):
         command = wire.receive(PATIENCE if patient and commands else 0.0)
         if command is not None and (command := fault.spoil_command(command, age)) is not None:

@@ -150,12 +150,9 @@ class StateWatch:
         return f"the angle of {_largest(off)} leaps by {off.max():.2g} rad more than its velocity explains"
 
     def repeats(self, reading: Reading) -> bool:
-        """Return True if a state has the numbers of the last one, as if no time had passed in between."""
+        """Return True if a state has the signals of the last one, except for its tick, as if no time had passed."""
         last = self._last
-        names = ("q", "dq", "gyroscope", "accelerometer")
-        return last is not None and all(
-            np.array_equal(getattr(reading.signals, name), getattr(last.signals, name)) for name in names
-        )
+        return last is not None and all(map(np.array_equal, reading.signals[:-1], last.signals[:-1]))
 
     def check(self, reading: Reading, commanded: Array) -> None:
         """Compare a state with the limits, and with the commanded angles (L, J), rad; raise Unsafe."""

@@ -7,10 +7,10 @@ LowState: the state that this plant returns comes from an estimator (:mod:`cmace
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -101,49 +101,32 @@ class UnitreeRobot:
             """Check that the rest of the config suits a robot with its own drives and estimator; raise BadInput."""
             kind = config.machine.kind
             model = config.machine.model if isinstance(config.machine, RobotMachine) else None
-            start = config.learning.start_from
+            learning = config.learning
             sharing = config.force_control.load_sharing
-            controller, sensors = (
-                find_option(group, read_component(vars(config)[group])["_target_"])
-                for group in ("controller", "sensors")
-            )
+            gains = read_component(config.controller)
+            controller = find_option("controller", gains["_target_"])
+            sensors = find_option("sensors", read_component(config.sensors)["_target_"])
             by_itself = "with plant=unitree, which estimates by itself"
             file = "go2, or machine.path=FILE of a robot with its motors, with plant=unitree"
             blends = "null with plant=unitree, whose first cycle blends from standing"
             planned = "dynamic or static with plant=unitree: making a plan takes longer than a step"
-            gains = read_component(vars(config)["controller"])
-            stiffness, damping = gains.get("stiffness", 0.0), gains.get("damping", 0.0)
-            begins = config.learning.start_cycle
-            whole = 2 + math.ceil(self.blend / config.gait.cycle_time)
-            limits = self.limits
+            first = 2 + math.ceil(self.blend / config.gait.cycle_time)
+            after = f"at least {first} with plant.blend={self.blend:g}: a cycle of feedback only comes before"
             for key, value, fits, allowed in (
                 ("machine.kind", kind, kind == "robot", "robot with plant=unitree: use scenario=robot"),
                 ("controller", controller, controller == "drives", f"drives {by_itself}"),
                 ("sensors", sensors, sensors == "perfect", f"perfect {by_itself}"),
                 ("machine", model, model in (None, "go2"), file),
-                ("learning.start_from", start, start is None, blends),
+                ("learning.start_from", learning.start_from, learning.start_from is None, blends),
                 ("force_control.load_sharing", sharing, sharing != "adaptive", planned),
                 ("plant.crouch", self.crouch, len(self.crouch) == 3, "three angles: hip, thigh, calf"),
-                (
-                    "learning.start_cycle",
-                    begins,
-                    begins >= whole,
-                    f"at least {whole} with plant.blend={self.blend:g}: a cycle of feedback only comes before",
-                ),
-                (
-                    "controller.stiffness",
-                    stiffness,
-                    stiffness <= limits.stiffness,
-                    f"at most plant.limits.stiffness={limits.stiffness:g}",
-                ),
-                (
-                    "controller.damping",
-                    damping,
-                    damping <= limits.damping,
-                    f"at most plant.limits.damping={limits.damping:g}",
-                ),
+                ("learning.start_cycle", learning.start_cycle, learning.start_cycle >= first, after),
             ):
                 require(fits, key, value, f"must be {allowed}")
+            for name in ("stiffness", "damping"):
+                most = vars(self.limits)[name]
+                allowed = f"must be at most plant.limits.{name}={most:g}"
+                require(gains[name] <= most, f"controller.{name}", gains[name], allowed)
 
     takes_drives = True
     link: Link
@@ -175,7 +158,6 @@ class UnitreeRobot:
         self.setup = setup
         self.robot = read_model(machine)
         self.stand = np.ascontiguousarray(setup.start)
-        self.expected = find_holding_torque(self.robot, self.stand)
         self.sensors = ProprioceptiveSensors(config.estimator)
         self.sensors.reset(setup)
         still = np.zeros_like(self.stand)
@@ -186,14 +168,15 @@ class UnitreeRobot:
         self._enter(Stage.CONNECT)
         released = release_sport_mode(config.interface, config.domain) if config.release else "not looked for"
         link = self.link = Link(config.interface, config.domain, setup.config.sampling_period, config.limits)
-        self._require_ranges("plant.interface", config.interface, self.link.signals.q)
+        self._require_ranges("plant.interface", config.interface, link.signals.q)
         self.crouch = np.array([config.crouch] * len(self.stand))
         self._require_ranges("plant.crouch", config.crouch, self.crouch)
         link.guardian = Guardian(
             config.interface, config.domain, config.damping, config.guardian, config.limits.silence
         )
         if log is not None:
-            link.log = Log(log, link.period, self._list_joints())
+            joints = [self.robot.model.joint(int(joint)).name for joint in self.robot.legs.joint.ravel()]
+            link.log = Log(log, link.period, joints)
         self._print_checklist(released)
         return first
 
@@ -204,9 +187,6 @@ class UnitreeRobot:
         folder = Path("outputs") / "robot"
         folder.mkdir(parents=True, exist_ok=True)
         return folder / time.strftime("%Y-%m-%d_%H-%M-%S.parquet")
-
-    def _list_joints(self) -> list[str]:
-        return [self.robot.model.joint(int(joint)).name for joint in self.robot.legs.joint.ravel()]
 
     def _print_checklist(self, released: str) -> None:
         """Print what was checked, and what a person must check, before the first command that moves the robot."""
@@ -258,7 +238,7 @@ class UnitreeRobot:
         """
         self._enter(Stage.CHECK)
         self.link.begin(self.config.damping)
-        check_joints(self.link, self.stand, self.expected)
+        check_joints(self.link, self.stand, find_holding_torque(self.robot, self.stand))
         self._enter(Stage.SWING)
         if self.link.log is not None:
             self.link.log.clear()
@@ -269,33 +249,28 @@ class UnitreeRobot:
 
         From then on its guardian damps it.
         """
+        link = self.link
         last = self.stages[-1][0]
-        actions: dict[Stage, Callable[[], None]] = {}
         if is_safe and last in (Stage.WALK, Stage.STAND):
-            actions[Stage.SIT] = self._sit_down
+            with self._keep_results(self._enter(Stage.SIT)):
+                link.move(self.stand, SETTLES, self.gains)
+                link.move(self.crouch, self.config.rise, self.gains)
         if last != Stage.CONNECT:
-            actions[Stage.DAMP] = partial(self.link.damp, self.config.damping)
-        for stage, act in actions.items():
-            try:
-                self._enter(stage)
-                act()
-            except Exception as error:  # measurements are kept whatever fails at the end
-                self._note_trouble(f"{stage}: {error}")
-        self.link.end()
-        if (log := self.link.log) is not None:
-            try:
-                log.close()
-            except OSError as error:  # a full disk costs only the log
-                self._note_trouble(f"{log.path} cannot be written: {error.strerror}")
+            with self._keep_results(self._enter(Stage.DAMP)):
+                link.damp(self.config.damping)
+        link.end()
+        if link.log is not None:
+            with self._keep_results(f"log {link.log.path}"):  # a full disk costs only the log
+                link.log.close()
 
-    def _sit_down(self) -> None:
-        self.link.move(self.stand, SETTLES, self.gains)
-        self.link.move(self.crouch, self.config.rise, self.gains)
-
-    def _note_trouble(self, trouble: str) -> None:
-        """Print a failure after the end of the run, and keep it for the manifest."""
-        self.trouble = " ".join(trouble.split())
-        print(f"warning: the robot, {self.trouble}", file=sys.stderr)
+    @contextmanager
+    def _keep_results(self, what: str) -> Iterator[None]:
+        """Print a failure at the end of the run and keep it for the manifest, instead of raising it."""
+        try:
+            yield
+        except Exception as error:
+            self.trouble = " ".join(f"{what}: {error}".split())
+            print(f"warning: the robot, {self.trouble}", file=sys.stderr)
 
     def list_steps(self, start: int, stop: int) -> dict[str, Array]:
         """Return LIVE_SIGNALS of steps ``start`` to ``stop`` by name, (stop - start,); NaN if no command was sent."""
@@ -320,8 +295,10 @@ class UnitreeRobot:
             },
         }
 
-    def _enter(self, stage: Stage) -> None:
+    def _enter(self, stage: Stage) -> Stage:
+        """Begin a stage, and return it."""
         self.stages.append((stage, time.perf_counter()))
+        return stage
 
     def _stand_up(self, gains: Gains) -> None:
         """Check the robot, wait until it is let down if it hangs, and stand up with ``gains``; raise Unsafe."""
@@ -330,7 +307,7 @@ class UnitreeRobot:
         self._enter(Stage.CHECK if self.config.hung else Stage.CROUCH)
         link.begin(self.config.damping)
         if self.config.hung:
-            check_joints(link, self.stand, self.expected)
+            check_joints(link, self.stand, find_holding_torque(self.robot, self.stand))
             self._enter(Stage.LOWER)
             wait_for_ground(
                 link,

@@ -1,11 +1,12 @@
-"""A leg of a robot that hangs: it learns the torque of its drives, within a limit, while the others hold still."""
+"""A robot that hangs: a leg learns the torque of its drives, within a limit, and gains rise before it is let down."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from cmacexp.addons.unitree.hung import MOST_LEARNT, learn_strokes, make_memory
+from cmacexp.addons.unitree.hung import MOST_LEARNT, learn_strokes, make_memory, wait_for_ground
+from cmacexp.addons.unitree.link import RAMP
 
 pytestmark = pytest.mark.ci
 STAND = np.array([[0.0, 0.8, -1.6]] * 4)
@@ -42,3 +43,11 @@ def test_a_leg_learns_up_to_a_limit_and_the_others_hold_still():
     assert not np.delete(link.sent, 2, axis=1).any()
     learn_strokes(loaded, STAND, 0, make_memory(), lead=1, rate=0.1)
     assert np.abs(loaded.sent).max() == MOST_LEARNT
+
+
+def test_gains_rise_before_the_robot_is_let_down():
+    durations = []
+    link = SimpleNamespace(period=0.1, signals=None, move=lambda goal, duration, gains: durations.append(duration))
+    wait_for_ground(link, STAND, (90.0, 5.0), lambda signals: 80.0, weight=100.0, longest=60.0)
+    assert durations[0] >= RAMP
+    assert durations[1:] == [link.period] * 10

@@ -47,7 +47,7 @@ os.kill(os.getpid(), signal.{{}})
 @pytest.mark.parametrize("how", ["SIGKILL", "SIGSTOP"])
 def test_the_guardian_damps_a_robot_whose_controller_dies_and_holds_one_whose_controller_stops(how):
     domain = DOMAIN + getattr(signal, how)
-    wire = Wire(LOOPBACK, domain, STATES, COMMANDS)
+    wire = Wire(LOOPBACK, domain, STATES)
     controller = subprocess.Popen([sys.executable, "-c", CONTROLLER.format(domain, how)])
     stiffness, damping = [], []
     while not stiffness or stiffness[-1] > 0.0:
@@ -62,7 +62,7 @@ def test_the_guardian_damps_a_robot_whose_controller_dies_and_holds_one_whose_co
         assert (np.diff(stiffness) <= 0.0).all()
     command = new_command()
     set_motors(command, kp=1.0)
-    other = Wire(LOOPBACK, domain, COMMANDS, None)
+    other = Wire(LOOPBACK, domain, COMMANDS)
     answers = 0
     while (heard := wire.receive(1.0)) is not None:  # another program moves the robot: the guardian leaves it alone
         if not heard["motor_cmd"]["kp"].any():
@@ -88,7 +88,7 @@ def test_a_motion_program_is_released_and_a_robot_without_the_service_is_refused
 def test_topics_are_announced_without_a_description_of_their_types():
     """Its request ends a peer on Cyclone DDS 0.10.5 with a segmentation fault."""
     domain = DOMAIN + 32
-    wire = Wire(LOOPBACK, domain, COMMANDS, STATES)
+    wire = Wire(LOOPBACK, domain, COMMANDS)
     participant = DomainParticipant(domain)
     for topic in (BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription):
         found = {end.topic_name: end for end in BuiltinDataReader(participant, topic).take(100)}
