@@ -35,7 +35,7 @@ class InverseDynamics(BuiltInFeedforward):
         """Masses of the model / true masses."""
         length_factor: float = number("", above=0, at_most=1e3, needs=("machine.kind != 'point_mass'",))
         """Link lengths of the model / true lengths; joint angles are planned with the true lengths."""
-        advance: float | str = number("s", at_least=0, at_most=1, words=(AUTO,))
+        advance: float | str = number("s", at_least=0, at_most=1, words=(AUTO,), default=0.0)
         """Time by which the torque of the model is played earlier; auto: declared delay + lag of the actuator."""
         gravity_factors: list[float] = gravity_factors()
         """Factors of the four terms of the gravity vector in the model, see :data:`GRAVITY_TERMS` (assumed)."""

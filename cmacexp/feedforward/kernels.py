@@ -280,15 +280,18 @@ def correct(params: FeedforwardParams, errors: Array, output: Array, torque: Arr
     output. ``errors`` (N, L, J), N m, are the learning errors of the last cycle, ``output`` (J,) is a working array.
     """
     samples = errors.shape[0]
-    rate = params.learning.cycle_rate
+    learning = params.learning
+    rate = learning.cycle_rate
     for i in range(errors.shape[1]):
         add_output(params, i, -1.0, output, torque)
         weights = params.weights[i]
         for k in range(samples):
-            sample = (k - params.learning.lead) % samples
+            sample = (k - learning.lead) % samples
             cells = params.cells[sample, i]
             if params.kind == CMAC:
                 train(weights, cells, errors[k, i], rate)
             else:
                 train_by_rule(PAPER, weights, cells, params.activation[sample, i], errors[k, i], rate)
+            if learning.weight_step > 0.0:
+                round_weights(weights, cells, learning.weight_step, learning.weight_limit)
         add_output(params, i, 1.0, output, torque)

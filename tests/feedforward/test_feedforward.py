@@ -244,8 +244,17 @@ def test_one_update_a_cycle_moves_the_torque_by_the_kernel_over_its_norm(make_co
     assert_allclose(torque[:, 0], 1.0 + 0.2 / norm * kernel[:, 27, None] * errors[30], rtol=1e-12)
 
 
+def test_one_update_a_cycle_leaves_whole_numbers_of_steps(setup):
+    params = make_network(setup, cycle_rate=0.3, weight_step=0.25, weight_limit=2.0)
+    errors = np.random.default_rng(3).normal(size=(SAMPLES, LEGS, 2))
+    correct(params, errors, np.zeros(2), np.zeros_like(errors))
+    steps = params.weights[0, np.unique(params.cells[:, 0])] / 0.25
+    assert abs(steps).max() > 1.0
+    assert_array_equal(steps, np.rint(steps))
+
+
 def test_a_cmac_on_a_model_knows_the_torque_of_the_model(setup):
-    wrong = InverseDynamics.Config(1.1, 0.9, 0.0)
+    wrong = InverseDynamics.Config(1.1, 0.9)
     feedforward = CmacOnModel(wrong)
     feedforward.reset(setup)
     known = InverseDynamics(wrong).compute_torque(setup)

@@ -52,7 +52,7 @@ def make_regressor(setup: Setup) -> Array:
     inertia, kg m^2, with the joint acceleration.
     """
     gravity, rigid = (rigid_torque(setup, still) for still in (True, False))
-    dynamics = InverseDynamics(InverseDynamics.Config(1.0, 1.0, 0.0))
+    dynamics = InverseDynamics(InverseDynamics.Config(1.0, 1.0))
     configs = (setup.config, replace(setup.config, reference="aware"))
     # With reference=force_feedforward the controller itself adds torque for the desired force.
     nominal, whole = (dynamics.compute_torque(replace(setup, config=config)) for config in configs)
