@@ -4,7 +4,6 @@ import json
 import math
 import shlex
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -96,22 +95,17 @@ def list_joints(robot: Robot) -> list[list[str]]:
     return [[name, unit, *map(format_number, values.tolist())] for name, unit, values in quantities]
 
 
-class _Walk(NamedTuple):
-    """What the plan of a walk says before it is simulated."""
+def _plan_walk(config: Config, robot: Robot) -> tuple[list[list[str]], list[str]]:
+    """Plan the walk, and compare its stability margin and its torques with what the robot has.
 
-    torques: list[list[str]]
-    """Rows of the table of joints: largest planned torque, and what it is of the limit."""
-    lines: list[str]
-    """Text about the stance, and warnings."""
-
-
-def _plan_walk(config: Config, robot: Robot) -> _Walk:
-    """Plan the walk, and compare its stability margin and its torques with what the robot has."""
+    Returns rows of the table of joints, largest planned torque and what it is of the limit, and lines about the
+    stance, with warnings.
+    """
     try:
         mechanism = make_mechanism(config.machine)
         plan = make_plan(config.nominal, mechanism, feedforward_acts=False)
     except BadInput as error:
-        return _Walk([], [f"this walk is refused: {error}"])
+        return [], [f"this walk is refused: {error}"]
     force = plan.force_desired
     torque = np.abs(planned_torques(config.nominal, mechanism, plan.joints, plan.sway, force, force)).max(axis=(0, 1))
     share = torque / robot.torque_limits
@@ -119,11 +113,9 @@ def _plan_walk(config: Config, robot: Robot) -> _Walk:
         ["largest planned torque", "N m", *map(format_number, torque.tolist())],
         ["over the largest torque", "", *map(format_number, share.tolist())],
     ]
-    front, rear = (mechanism.hips[pair, 1] for pair in ((0, 1), (2, 3)))
+    front, rear = np.abs(np.diff(mechanism.hips[:, 1].reshape(2, 2))[:, 0])
     margin = plan.margins[:, STABILITY].min()
-    lines = [
-        f"feet stand {abs(np.subtract(*front)):.3g} m apart in front and {abs(np.subtract(*rear)):.3g} m in the rear"
-    ]
+    lines = [f"feet stand {front:.3g} m apart in front and {rear:.3g} m in the rear"]
     if not np.isnan(margin):  # of a gait that always has three feet down
         lines.append(f"least stability margin of the planned gait: {1e3 * margin:.3g} mm")
     if config.gains is not None and config.gains[0]:
@@ -134,11 +126,10 @@ def _plan_walk(config: Config, robot: Robot) -> _Walk:
         if stiffness < LEAST_ROLL_STIFFNESS:
             advice = "use a larger gait.width or posture.gain"
             lines.append(f"warning: below {LEAST_ROLL_STIFFNESS:g} it may fall to its side: {advice}")
-    weak = [name for name, over in zip(JOINT_NAMES, share, strict=True) if over > 1.0]
-    if weak:
+    if weak := [name for name, over in zip(JOINT_NAMES, share, strict=True) if over > 1.0]:
         verb = "needs" if len(weak) == 1 else "need"
         lines.append(f"warning: {' and '.join(weak)} {verb} more torque than the model has: it may fall")
-    return _Walk(rows, lines)
+    return rows, lines
 
 
 def list_settings(config: Config) -> list[list[str]]:
@@ -215,9 +206,9 @@ def main(arguments: Arguments) -> None:
     margins = _list_margins(config, overrides)
     print_table(["controller", "period, s", "crossover, Hz", "delay margin, ms", ""], margins)
     limit = format_number(find_sampled_limit(config), "N m s/rad")
-    print_line(f"drives that compute once a command shake a joint in the air from a damping of {limit} on")
-    walk = _plan_walk(config, robot)
-    print_table(["", "unit", "hip", "thigh", "calf"], [*list_joints(robot), *walk.torques])
-    for line in walk.lines:
+    print_line(f"drives that compute once a command shake from a damping of {limit} on")
+    torques, lines = _plan_walk(config, robot)
+    print_table(["", "unit", *JOINT_NAMES], [*list_joints(robot), *torques])
+    for line in lines:
         print_line(line)
     print_table(["", "unit", "value"], list_settings(config))

@@ -87,6 +87,7 @@ def check_legs(config: Config) -> list[Check]:
     gait = config.gait
     force = config.force_control.desired_force
     legs = 4 if config.has_body else 1
+    width = config.machine.width if isinstance(config.machine, RobotMachine) else gait.width
     with_kind = f"with machine.kind={config.machine.kind}"
     fitting = listed([name for name, pattern in PATTERNS.items() if pattern.legs == legs])
     return [
@@ -104,9 +105,9 @@ def check_legs(config: Config) -> list[Check]:
             f"must have one value for each of the {legs} legs, or be null",
         ),
         (
-            isinstance(config.machine, RobotMachine) and config.machine.width != gait.width,
+            width != gait.width,
             "machine.width",
-            getattr(config.machine, "width", None),
+            width,
             "is that of gait.width: set gait.width instead",
         ),
         (

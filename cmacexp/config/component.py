@@ -188,7 +188,7 @@ def find_class(key: str, target: object) -> type[Any]:
         members = inspect.getmembers(module, inspect.isclass)
         classes = [member for member, value in members if value.__module__ == module_name]
         has = f"; it has {listed(classes)}" if classes else ""
-        where = getattr(module, "__file__", "built in")
+        where = vars(module).get("__file__", "built in")
         raise BadInput(key, target, f"{module_name} ({where}) has no {name}{has}{suggest(name, classes)}")
     require(inspect.isclass(component), key, target, f"must be a class, but is of type {type(component).__name__}")
     return component  # type: ignore[no-any-return]

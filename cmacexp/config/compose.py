@@ -27,13 +27,9 @@ from cmacexp.jit.interrupt import exits_caught
 _MISSING = object()
 """Default for keys that a config lacks."""
 Node = DictConfig | Mapping[str, Any]
-_NUMBER = re.compile(r"-?(?:0|[1-9]\d*)(\.\d+)?(e-?\d+)?")
-"""A number: its fraction and exponent; with either of them it is a float."""
-_WORDS = {"true": True, "false": False, "null": None}
-"""Values of words that are no texts."""
-_VALUE = rf"(?:{_NUMBER.pattern}|(?!nan\b|inf\b)[a-z][a-z_]*\d*)"
+_VALUE = r"(?:-?(?:0|[1-9]\d*)(?:\.\d+)?(?:e-?\d+)?|(?!(?:nan|inf|infinity)\b)[a-z][a-z_]*\d*)"
 _PLAIN = re.compile(rf"([a-z]\w*(?:\.\w+)*)=({_VALUE}|\[{_VALUE}(?:, ?{_VALUE})*\])")
-"""An override that sets a number, a word in lower case, or a list of these: key, value, and groups of the value."""
+"""An override that sets a number, a word in lower case, or a list of these: key and value."""
 
 
 @lru_cache(4096)
@@ -203,10 +199,13 @@ def set_plain_values(base: Any, overrides: Iterable[str], referred: frozenset[st
             for key in path:
                 values = _list_values(owner)
                 values[key] = owner = copy(values.get(key))
-            value = _read_value(match[2])
+            texts = match[2][1:-1].split(",") if match[2][0] == "[" else None
+            value = parse_value(match[2]) if texts is None else [parse_value(text.strip()) for text in texts]
             values = _list_values(owner)
-            is_group = isinstance(values.get(name, {}), dict) or is_dataclass(values[name])
-            if is_group or isinstance(values[name], list) > isinstance(value, list) or (*path, name)[0] in referred:
+            former = values.get(name, {})
+            is_group = isinstance(former, dict) or is_dataclass(former)
+            needs_list = isinstance(former, list) and not isinstance(value, list)
+            if is_group or needs_list or (*path, name)[0] in referred:
                 return None
             values[name] = value if owner is values else read_field(type(owner), name, value, match[1])
         if isinstance(config, Config):
@@ -215,13 +214,14 @@ def set_plain_values(base: Any, overrides: Iterable[str], referred: frozenset[st
     return None
 
 
-def _read_value(text: str) -> Any:
-    """Read the value of an override that matches :data:`_PLAIN`, as Hydra reads it."""
-    if text[0] == "[":
-        return [_read_value(item.strip()) for item in text[1:-1].split(",")]
-    if number := _NUMBER.fullmatch(text):
-        return float(text) if number[1] or number[2] else int(text)
-    return _WORDS.get(text, text)
+def parse_value(text: str) -> Any:
+    """Parse a value as typed on the command line: a number, true, false, null, else text."""
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return None if text == "null" else text.strip("'\"")
 
 
 def _list_values(node: Any) -> dict[str, Any]:

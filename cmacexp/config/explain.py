@@ -41,8 +41,8 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
     if not isinstance(error, COMPOSITION_ERRORS):
         return f"a group takes the name of an option (cmac=one_leg), a field takes a value (cmac.layers=8): {text}"
     cause = error.__cause__
-    is_of_run = not (getattr(cause, "full_key", None) or "hydra").startswith("hydra")
-    if isinstance(cause, OmegaConfBaseException) and is_of_run and "not in" in str(cause):
+    is_missing = "not in" in str(cause)
+    if isinstance(cause, OmegaConfBaseException) and is_missing and (cause.full_key or "hydra")[:5] != "hydra":
         return _explain_key(cause, overrides)
     reason = str(cause).splitlines()[0] if str(cause or "") else ""
     return text if reason in text else f"{text} ({reason})"

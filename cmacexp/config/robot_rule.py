@@ -4,7 +4,6 @@ It is resolved whenever the config is read, from the machine, sampling period, L
 of the run. A number typed on the command line replaces the rule.
 """
 
-import copy
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
@@ -234,7 +233,7 @@ def _find_missing(values: dict[str, Any], missing: Sequence[str]) -> RobotModel:
         values["yaw"] = float(f"{find_yaw(path, weld):.{DIGITS}g}")
     if wanted := [name for name in Names._fields if name in missing]:
         names = find_names(path, weld, values.get("yaw", 0.0))
-        values |= {name: copy.copy(getattr(names, name)) for name in wanted}
+        values |= {name: names._asdict()[name] for name in wanted}
     model = RobotModel(**values)
     if "rotor_inertia" not in missing or (robot := read_model(model)).armature.any():
         return model

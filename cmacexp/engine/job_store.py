@@ -182,7 +182,7 @@ def read_part(path: Path) -> JobTables:
         return JobTables(*(pa.ipc.open_stream(file).read_all() for _ in JobTables._fields))
 
 
-def _read(path: Path) -> JobTables:
+def read_whole(path: Path) -> JobTables:
     """Read a part of the tables, or those that a sweep has left at its end; raises BadRun."""
     if path.name == RUNS_FILE:
         jobs, metrics = read_tables(path.parent)
@@ -213,7 +213,7 @@ def list_whole(root: Path) -> list[Path]:
     whole = []
     for path in (*list_job_parts(root), *([root / RUNS_FILE] if has_tables(root) else [])):
         try:
-            _read(path)
+            read_whole(path)
             whole.append(path)
         except BadRun as error:
             print_line(f"warning: {error}; its jobs run again", error=True)
@@ -221,23 +221,18 @@ def list_whole(root: Path) -> list[Path]:
 
 
 def iterate_jobs(
-    sources: Iterable[Path], most: int = MOST_JOBS, read: Callable[[Path], JobTables] = _read
+    sources: Iterable[Path], most: int = MOST_JOBS, read: Callable[[Path], JobTables] = read_whole
 ) -> Iterator[JobTables]:
     """Yield the jobs in parts or tables of a sweep in the order of their numbers, ``most`` at a time.
 
     Of several with one number that in the first source counts. Raises BadRun if a source is not as it was written.
     """
     listed = set[int]()
-    kept = dict[Path, JobTables]()  # while all are few
     parts = list[tuple[Array, Path]]()
     for path in sources:
-        tables = read(path)
-        numbers = np.array([number for number in as_array(tables.jobs, "run").tolist() if number not in listed])
+        jobs, _ = read(path)
+        numbers = np.array([number for number in as_array(jobs, "run").tolist() if number not in listed])
         listed.update(numbers.tolist())
-        if len(listed) <= most:
-            kept[path] = tables
-        else:
-            kept.clear()
         parts += [(np.sort(numbers), path)] if len(numbers) else []
     parts.sort(key=lambda part: part[0][0])  # so that columns have always the same order
     in_order = sorted(listed)
@@ -245,9 +240,7 @@ def iterate_jobs(
         low = in_order[start]
         high = in_order[min(start + most, len(in_order)) - 1]
         chosen = [(numbers[(numbers >= low) & (numbers <= high)], path) for numbers, path in parts]
-        yield concat_jobs(
-            select_jobs(kept.get(path) or read(path), numbers) for numbers, path in chosen if len(numbers)
-        )
+        yield concat_jobs(select_jobs(read(path), numbers) for numbers, path in chosen if len(numbers))
 
 
 def list_jobs(root: Path, sources: Sequence[Path] | None = None) -> list[JobRun]:

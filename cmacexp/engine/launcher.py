@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import yaml
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
@@ -205,17 +206,13 @@ def find_choice(composed: DictConfig, group: str) -> str | None:
     Hydra composes its own groups first and ignores that override.
     """
     runtime = composed.hydra.runtime
-    folders = [source.path for source in runtime.config_sources if source.schema == "file"]
-    for chosen_group, option in runtime.choices.items():
-        for folder in folders:
-            path = Path(folder, chosen_group.partition("@")[0], f"{option}.yaml")
-            if Path(folder) != config_folder() and path.is_file():
-                content: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
-                for entry in content.get("defaults") or ():
-                    for key, name in entry.items() if isinstance(entry, dict) else ():
-                        if re.fullmatch(f"override +/?{group}", str(key)):
-                            return str(name)
-    return None
+    names = [f"{chosen_group.partition('@')[0]}/{option}.yaml" for chosen_group, option in runtime.choices.items()]
+    folders = [Path(source.path) for source in runtime.config_sources if source.schema == "file"]
+    files = [folder / name for name in names for folder in folders if folder != config_folder()]
+    contents = [yaml.safe_load(file.read_text(encoding="utf-8")) or {} for file in files if file.is_file()]
+    entries = [entry for content in contents for entry in content.get("defaults") or () if isinstance(entry, dict)]
+    overrides = [item for entry in entries for item in entry.items()]
+    return next((str(name) for key, name in overrides if re.fullmatch(f"override +/?{group}", str(key))), None)
 
 
 def _start_tasks(cluster: str, options: DictConfig) -> Any:

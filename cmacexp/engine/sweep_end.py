@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,16 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.files import full_disk_named, sha256, write_atomically
 from cmacexp.data.folder import TABLE, TABLE_CSV, make_sweep_manifest
 from cmacexp.data.tables import METRICS_FILE, choose_compression, table_writer
-from cmacexp.engine.job_store import FINGERPRINT, HASHES, JobRun, JobTables, iterate_jobs, select_jobs, write_part
+from cmacexp.engine.job_store import (
+    FINGERPRINT,
+    HASHES,
+    JobRun,
+    JobTables,
+    iterate_jobs,
+    read_whole,
+    select_jobs,
+    write_part,
+)
 from cmacexp.engine.objective import MAXIMIZE, describe_best, read_objective
 from cmacexp.engine.sweep_tables import Settings, read_settings
 from cmacexp.engine.without_effect import IdleReport
@@ -23,6 +33,8 @@ from cmacexp.terminal.output import print_line
 from cmacexp.typing import RESULTS, Status
 
 MAX_LISTED_FAILURES = 20
+MOST_PARTS = 16
+"""Parts of the tables of a sweep that are in memory at a time, so that those of a short sweep are read once."""
 ONLY_IN_STORE = [*HASHES, "idle", "bad_input", FINGERPRINT, "manifest"]
 """Columns of the table of jobs that the table for users lacks."""
 
@@ -60,13 +72,11 @@ class SweepEnd:
         self._best: tuple[float, JobRun] | None = None
         self._shown = list[JobRun]()
         self._seen = 0
-        self._single: JobTables | None = None
-        """All jobs if they are few."""
+        self._read = lru_cache(MOST_PARTS)(read_whole)
         is_wrong = set[bool]()
-        for count, tables in enumerate(self._iterate()):
+        for tables in self._iterate():
             self._add(tables)
             is_wrong.update(tables.jobs["bad_input"].to_pylist())
-            self._single = None if count else tables
         self.is_wrong = is_wrong == {True}
 
     @property
@@ -82,10 +92,7 @@ class SweepEnd:
 
     def _iterate(self) -> Iterator[JobTables]:
         """Yield the planned jobs that have ended, in the order of their numbers."""
-        if self._single is not None:
-            yield self._single
-            return
-        for tables in iterate_jobs(self.sources):
+        for tables in iterate_jobs(self.sources, read=self._read):
             jobs = zip(tables.jobs["run"].to_pylist(), tables.jobs["overrides"].to_pylist(), strict=True)
             yield select_jobs(tables, [number for number, overrides in jobs if self._is_planned(number, overrides)])
 

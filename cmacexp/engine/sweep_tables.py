@@ -4,13 +4,13 @@ import math
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence, Set
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
+from cmacexp.config.compose import parse_value
 from cmacexp.data.manifest import runs_below
 from cmacexp.data.run import Run, sort_folders
 from cmacexp.data.tables import METRICS_FILE, Scores, arrow, arrow_strings, as_array
@@ -102,16 +102,6 @@ def read_settings(overrides: Sequence[str]) -> Row:
     """Read the keys that overrides set, with their values."""
     pairs = (text.lstrip("+").partition("=") for text in overrides)
     return {key: parse_value(value) for key, _, value in pairs}
-
-
-def parse_value(text: str) -> Any:
-    """Parse a value as typed on the command line: a number, true, false, null, else text."""
-    if text in ("true", "false"):
-        return text == "true"
-    for kind in (int, float):
-        with suppress(ValueError):
-            return kind(text)
-    return None if text == "null" else text.strip("'\"")
 
 
 def make_column(values: Sequence[Any], types: Set[type] | None = None) -> pa.Array:

@@ -36,8 +36,7 @@ def kernel(function: Function) -> Function:
     excludes, but compiles one that only a field of a tuple excludes.
 
     A kernel that takes most arrays of a loop reads the fields that it needs from tuples before its first branch: a
-    variable used in other blocks is stored, and each block would load the whole tuple ("Compiling" in
-    docs/performance.md).
+    variable used in other blocks is stored, and each block would load the whole tuple.
     """
     kernels.append((function, True))
     return function

@@ -16,8 +16,6 @@ from cmacexp.typing import Array
 
 LITTLE = 0.8
 """Ratio of the last to the first cycles above which learning hardly helps, for error and feedback torque."""
-WINDOW = TREND_WINDOW
-"""Number of the last cycles, whose median counts."""
 KNOWN = 0.5
 """Share of the feedforward in the torque of the first cycle above which it already knew the torque."""
 RESTLESS = 0.3
@@ -34,28 +32,27 @@ def describe_little_progress(config: dict[str, Any], scores: Scores) -> str:
     Empty if it does improve, if the run is too short to judge, or if nothing learns. ``config`` is that of the run.
     """
     legs = scores.legs
+    if not legs.num_rows or not as_array(legs, "weight_norm")[-1] > 0.0:  # NaN: no built-in feedforward learns
+        return ""
     start = config["learning"]["start_cycle"]
-    cycle = as_array(legs, "cycle") if legs.num_rows else np.zeros(0)
-    if not len(cycle) or cycle[-1] < start + WINDOW or not _learns(as_array(legs, "weight_norm")):
+    cycle = as_array(legs, "cycle")
+    if cycle[-1] < start + TREND_WINDOW:
         return ""
     axes = np.array([as_array(legs, name) for name in LENGTHS if name in legs.column_names])
     error = np.sqrt(_pool(cycle, (axes**2).sum(axis=0)))
     feedback = np.sqrt(_pool(cycle, as_array(legs, "feedback_rms") ** 2))
     first = max(int(start) - 2, 0)  # feedback only, if learning starts later
     is_known = _pool(cycle, as_array(legs, "feedforward_share"))[first] > KNOWN
-    last_error, last_feedback = (float(np.median(values[-WINDOW:])) for values in (error, feedback))
+    last_error, last_feedback = (float(np.median(values[-TREND_WINDOW:])) for values in (error, feedback))
     improves = last_error < LITTLE * error[first] or last_feedback < LITTLE * feedback[first]
     if is_known or improves or not math.isfinite(last_error):
         return ""
-    changes = np.abs(np.diff(feedback[-WINDOW:])) / feedback[-WINDOW:-1]
+    changes = np.abs(np.diff(feedback[-TREND_WINDOW:])) / feedback[-TREND_WINDOW:-1]
     cause = _name_cause(config, float(np.median(changes)))
-    numbers = f"{1e3 * error[first]:.3g} mm in cycle {first + 1}, {1e3 * last_error:.3g} mm in the last {WINDOW}"
+    numbers = (
+        f"{1e3 * error[first]:.3g} mm in cycle {first + 1}, {1e3 * last_error:.3g} mm in the last {TREND_WINDOW}"
+    )
     return f"learning hardly helps: transfer error {numbers} (median); {cause}"
-
-
-def _learns(norms: Array) -> bool:
-    """Return True if a built-in feedforward has learnt weights at the end."""
-    return bool(np.nan_to_num(norms[-1]) > 0.0)
 
 
 def _pool(cycle: Array, values: Array) -> Array:

@@ -24,7 +24,7 @@ def load_library() -> ctypes.CDLL:
 
 def _make_function(name: str) -> Callable[[int, int], None]:
     def call(model: int, data: int) -> None:
-        getattr(load_library(), name)(ctypes.c_void_p(model), ctypes.c_void_p(data))
+        load_library()[name](ctypes.c_void_p(model), ctypes.c_void_p(data))
 
     call.__name__ = name
     return c_function(call)

@@ -18,7 +18,7 @@ from cmacexp.models.robot_legs import (
     JOINTS,
     LEGS,
     Legs,
-    find_feet,
+    find_foot,
     find_free,
     find_joint,
     find_legs,
@@ -131,7 +131,7 @@ def _load(path: Path, changed: int, weld: tuple[str, ...], yaw: float) -> Model:
     if yaw:
         free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         base = max(model.jnt_bodyid[free], key=lambda body: model.body_subtreemass[body], default=0)
-        turn_trunk(spec, model, int(base), yaw)
+        turn_trunk(mujoco, spec, model, int(base), yaw)
         model = compile_spec(path, spec)
         notes.append(f"forward is {yaw:.4g} rad from the x axis of the trunk in the model (machine.yaw)")
     return Model(spec, model, tuple(notes))
@@ -296,7 +296,7 @@ def _read(
     joint = np.array([[find_joint(mujoco, model, name) for name in leg] for leg in joints])
     free = find_free(mujoco, model, path, joint)
     data = set_posture(model, mujoco.MjData(model), joint, home)
-    spheres = find_feet(mujoco, data, feet)
+    spheres = [find_foot(mujoco, model, data, name) for name in feet]
     names = list(feet)
     if rotor_inertia or any(spheres):
         spec = spec.copy()

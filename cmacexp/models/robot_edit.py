@@ -5,7 +5,7 @@ are left out if they are missing.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,7 @@ import numpy as np
 
 from cmacexp.errors import BadInput, require, suggest
 from cmacexp.models.robot_legs import list_names
-from cmacexp.typing import Array
 
-YAW = "machine.yaw"
 WELD = "machine.weld"
 
 
@@ -65,39 +63,24 @@ def give_rotors(spec: Any, joints: Sequence[Sequence[str]], inertia: float) -> t
     return (f"{len(without)} joints without rotor inertia have {inertia:.4g} kg m^2 here (machine.rotor_inertia)",)
 
 
-def turn_trunk(spec: Any, model: Any, base: int, yaw: float) -> None:
+def turn_trunk(mujoco: Any, spec: Any, model: Any, base: int, yaw: float) -> None:
     """Turn the frame of the trunk, body ``base``, so that its x axis is at the angle ``yaw``, rad, from where it was.
 
     ``model`` is the compiled ``spec``; it gives the inertia of the trunk, however the file states it.
     """
-    half = -0.5 * yaw
-    quaternion = np.array([math.cos(half), 0.0, 0.0, math.sin(half)])
+    quaternion = np.array([math.cos(0.5 * yaw), 0.0, 0.0, -math.sin(0.5 * yaw)])
     trunk = next(body for body in spec.bodies if body.id == base)
     elements = (trunk.frames, trunk.bodies, trunk.geoms, trunk.sites, trunk.cameras, trunk.lights)
     inside = [element for kind in elements for element in kind if element.frame is None]
     frame = trunk.add_frame(quat=quaternion)
     for element in inside:
         element.set_frame(frame)
-    trunk.ipos = _turn(yaw, model.body_ipos[base])
-    trunk.iquat = _multiply(quaternion, model.body_iquat[base])
+    mujoco.mju_rotVecQuat(trunk.ipos, model.body_ipos[base], quaternion)
+    mujoco.mju_mulQuat(trunk.iquat, quaternion, model.body_iquat[base])
     trunk.inertia = model.body_inertia[base].copy()
     trunk.fullinertia = np.full(6, np.nan)
     trunk.mass = float(model.body_mass[base])
     trunk.explicitinertial = True
-
-
-def _turn(yaw: float, position: Array) -> Array:
-    """Return the position (3,), of any unit, in a frame that is turned by ``yaw``, rad, about z."""
-    cosine = math.cos(yaw)
-    sine = math.sin(yaw)
-    x, y, z = position
-    return np.array([cosine * x + sine * y, cosine * y - sine * x, z])
-
-
-def _multiply(a: Array, b: Array) -> Array:
-    """Multiply two quaternions (4,)."""
-    vector = a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
-    return np.array([a[0] * b[0] - a[1:] @ b[1:], *vector])
 
 
 def leave_out_missing(path: Path, spec: Any) -> list[str]:
@@ -106,33 +89,30 @@ def leave_out_missing(path: Path, spec: Any) -> list[str]:
     Raises BadInput for a missing mesh that gives a body its mass.
     """
     folder = Path(spec.modelfiledir or path.parent)
-    missing = {
-        mesh.name or Path(mesh.file).stem: mesh
-        for mesh in spec.meshes
-        if _is_missing(spec, folder / spec.meshdir, mesh)
-    }
-    for geom in [geom for geom in spec.geoms if geom.meshname in missing]:
-        file = missing[geom.meshname].file
+    meshes = _find_missing(spec, folder / spec.meshdir, spec.meshes)
+    for geom in [geom for geom in spec.geoms if geom.meshname in meshes]:
+        file = meshes[geom.meshname].file
         weighs = geom.mass > 0.0 or (np.isnan(geom.mass) and geom.density > 0.0 and not geom.parent.explicitinertial)
         if weighs and spec.compiler.inertiagrouprange[0] <= geom.group <= spec.compiler.inertiagrouprange[1]:
             body = geom.parent.name or "a body without a name"
             reason = f"there is no {file}, which gives {body} its mass: add the file, or an <inertial> to the body"
             raise BadInput("machine.path", path, reason)
         spec.delete(geom)
-    files = [mesh.file for mesh in missing.values()]
-    for mesh in missing.values():
-        spec.delete(mesh)
-    textures = [texture for texture in spec.textures if _is_missing(spec, folder / spec.texturedir, texture)]
-    names = {texture.name or Path(texture.file).stem for texture in textures}
+    textures = _find_missing(spec, folder / spec.texturedir, spec.textures)
     for material in spec.materials:
-        material.textures = ["" if name in names else name for name in material.textures]
-    files += [texture.file for texture in textures]
-    for texture in textures:
-        spec.delete(texture)
+        material.textures = ["" if name in textures else name for name in material.textures]
+    missing = [*meshes.values(), *textures.values()]
+    files = [element.file for element in missing]
+    for element in missing:
+        spec.delete(element)
     return [f"without the missing {list_names(files)}, which a run does not need"] if files else []
 
 
-def _is_missing(spec: Any, folder: Path, element: Any) -> bool:
-    """Return True if the file of a mesh or texture does not exist in its ``folder``."""
-    file = Path(element.file).name if spec.strippath else element.file
-    return bool(file) and not (folder / file).exists()
+def _find_missing(spec: Any, folder: Path, elements: Iterable[Any]) -> dict[str, Any]:
+    """Find the meshes or textures whose files do not exist in their ``folder``, by name."""
+    missing = {}
+    for element in elements:
+        file = Path(element.file)
+        if element.file and not (folder / (file.name if spec.strippath else file)).exists():
+            missing[element.name or file.stem] = element
+    return missing

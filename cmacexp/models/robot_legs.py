@@ -23,14 +23,6 @@ Sphere = tuple[int, Array, float]
 """Body, centre (3,) in the world, m, and radius, m."""
 
 
-def find_feet(mujoco: Any, data: Any, feet: Sequence[str]) -> list[Sphere | None]:
-    """Find the contact sphere of each foot; None for a geom that is a sphere itself.
-
-    ``feet`` names geoms, sites or bodies; ``data`` has the trunk level and the legs at home. Raises BadInput.
-    """
-    return [_find_foot(mujoco, data.model, data, name) for name in feet]
-
-
 def place_feet(mujoco: Any, spec: Any, data: Any, feet: Sequence[str], spheres: Sequence[Sphere | None]) -> list[str]:
     """Add the ``spheres`` of the ``feet`` to the ``spec`` of a model; return the geom names of the four feet."""
     bodies = {body.id: body for body in spec.bodies}
@@ -44,10 +36,10 @@ def place_feet(mujoco: Any, spec: Any, data: Any, feet: Sequence[str], spheres: 
     return [f"{name} (foot)" if sphere else name for name, sphere in zip(feet, spheres, strict=True)]
 
 
-def _find_foot(mujoco: Any, model: Any, data: Any, name: str) -> Sphere | None:
+def find_foot(mujoco: Any, model: Any, data: Any, name: str) -> Sphere | None:
     """Find the contact sphere of the geom, site or body ``name``; return None for a geom that is a sphere.
 
-    Raises BadInput if the model has no such name.
+    ``data`` has the trunk level and the legs at home. Raises BadInput if the model has no such name.
     """
     kinds = mujoco.mjtObj
     geom, site, body = (

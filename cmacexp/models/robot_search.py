@@ -64,18 +64,16 @@ def find_yaw(path: Path, weld: Sequence[str] = ()) -> float:
 @lru_cache(maxsize=16)
 def _find_names(path: Path, changed: int, weld: tuple[str, ...], yaw: float) -> Names:
     """Find the names of a model; ``changed``, its time of modification in ns, is part of the key of the cache."""
-    mujoco = load_mujoco()
-    model = load_model(path, weld, yaw).model
-    chains = _find_chains(mujoco, path, model, weld)
-    data = set_posture(model, mujoco.MjData(model), np.array(chains), np.zeros(JOINTS))
+    model, data, chains = _find_legs(path, weld, yaw)
     thighs = [chain[1] for chain in chains]
     hips = data.xanchor[thighs]
     # Thighs turn about the lateral axis; if that is not y, the frame of the trunk is turned, which is refused below.
     longitudinal, lateral = {0: (hips[:, 1], -hips[:, 0]), 1: (hips[:, 0], hips[:, 1]), 2: (hips[:, 0], -hips[:, 2])}[
         int(np.abs(data.xaxis[thighs]).sum(axis=0).argmax())
     ]
-    legs = [chains[k] for k in _order(longitudinal, lateral)]
-    feet, centres = zip(*(_find_foot(mujoco, model, data, leg) for leg in legs), strict=True)
+    front = np.argsort(-longitudinal, kind="stable")
+    legs = [chains[k] for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -lateral[k])]
+    feet, centres = zip(*(_find_foot(load_mujoco(), model, data, leg) for leg in legs), strict=True)
     require_frame(data.xanchor[[leg[1] for leg in legs]], feet)
     joints = [[model.joint(k).name for k in leg] for leg in legs]
     has_names = all((*itertools.chain(*joints), *feet))
@@ -87,10 +85,7 @@ def _find_names(path: Path, changed: int, weld: tuple[str, ...], yaw: float) -> 
 @lru_cache(maxsize=16)
 def _find_yaw(path: Path, changed: int, weld: tuple[str, ...]) -> float:
     """Find the yaw of a model; ``changed`` is as for :func:`_find_names`."""
-    mujoco = load_mujoco()
-    model = load_model(path, weld).model
-    chains = _find_chains(mujoco, path, model, weld)
-    data = set_posture(model, mujoco.MjData(model), np.array(chains), np.zeros(JOINTS))
+    model, data, chains = _find_legs(path, weld)
     thighs = [chain[1] for chain in chains]
     axes = data.xaxis[thighs]
     lateral = (axes * np.sign(axes @ axes[0])[:, None]).mean(axis=0)
@@ -99,14 +94,22 @@ def _find_yaw(path: Path, changed: int, weld: tuple[str, ...]) -> float:
         return 0.0
     forward = np.array([lateral[1], -lateral[0]]) / length
     ahead = data.xanchor[thighs, :2] @ forward
-    front = np.argsort(-ahead)[: LEGS // 2]
+    front = {*np.argsort(-ahead)[: LEGS // 2].tolist()}
     named = _find_front([model.joint(chain[0]).name for chain in chains])
-    if named in ({*front.tolist()}, {*range(LEGS)} - {*front.tolist()}):
-        sign = 1.0 if named == {*front.tolist()} else -1.0
+    if named in (front, {*range(LEGS)} - front):
+        sign = 1.0 if named == front else -1.0
     else:
         sign = float(np.sign(forward[0] if abs(forward[0]) > 1.0 - LEAST_COSINE else forward[1]))
     x, y = sign * forward
     return 0.0 if x >= LEAST_COSINE else math.atan2(y, x)
+
+
+def _find_legs(path: Path, weld: Sequence[str], yaw: float = 0.0) -> tuple[Any, Any, list[list[int]]]:
+    """Load a model and find its legs; return it, its data at zero joint angles, and the joints of each leg."""
+    mujoco = load_mujoco()
+    model = load_model(path, weld, yaw).model
+    chains = _find_chains(mujoco, path, model, weld)
+    return model, set_posture(model, mujoco.MjData(model), np.array(chains), np.zeros(JOINTS)), chains
 
 
 def _find_front(names: Sequence[str]) -> set[int]:
@@ -114,12 +117,6 @@ def _find_front(names: Sequence[str]) -> set[int]:
     sides = [re.sub("left|right", "", name.lower()) for name in names]
     shared = set.intersection(*map(set, sides))
     return {k for k, side in enumerate(sides) if "f" in {*side} - shared}
-
-
-def _order(longitudinal: Array, lateral: Array) -> list[int]:
-    """Order four legs at these positions, m: front left, front right, rear left, rear right."""
-    front = np.argsort(-longitudinal, kind="stable")
-    return [k for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -lateral[k])]
 
 
 def _find_chains(mujoco: Any, path: Path, model: Any, weld: Sequence[str]) -> list[list[int]]:
@@ -218,18 +215,18 @@ def _find_homes(model: Any, data: Any, legs: list[list[int]], feet: Sequence[Arr
     return homes[0] if homes.count(homes[0]) == LEGS else homes
 
 
-def _is_back(leg: _Leg, q: Array) -> bool:
-    """Return True if the knee is behind the foot at joint angles ``q`` (3,), rad."""
-    return bool(chain_points(leg.chain, q)[2, 0] <= 0.0)
-
-
 def _find_home(leg: _Leg) -> list[float]:
     """Find the home of one leg; raises BadInput if there is none."""
     starts = [(hip, *start) for hip in _find_upright(leg) for start in STARTS]
     fitting = [q for start in starts if (q := leg.stand(start)) is not None]
     reason = "has no angle within its range at which the foot is below the hip: give machine.home"
     require(fitting, "machine.joints", leg.name, reason)
-    best = min(fitting, key=lambda q: (abs(q[0]) > 1.0, not _is_back(leg, q), round(abs(q[0]), DIGITS)))
+
+    def rank(q: Array) -> tuple[bool, bool, float]:
+        is_knee_ahead = bool(chain_points(leg.chain, q)[2, 0] > 0.0)  # of the foot
+        return abs(q[0]) > 1.0, is_knee_ahead, round(abs(q[0]), DIGITS)
+
+    best = min(fitting, key=rank)
     return [float(round(angle, DIGITS)) + 0.0 for angle in best]
 
 

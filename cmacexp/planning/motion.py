@@ -146,7 +146,8 @@ def check_apex(config: Config, gap: float) -> None:
     """
     gait = config.gait
     if gait.vertical == "cubic" and abs(gap) > 1e-12 and gait.lift < 1.25 * abs(gap):
-        require_firm(config, abs(gap), gait.lift / 1.25)
+        depth = gait.transfer_depth  # over the depression, so that the ground gives way by the rest
+        require_firm(config, abs(gap) / depth, gait.lift / 1.25 / depth)
         allowed = (
             f"must be at least {1.25 * abs(gap):.6g} m for one cubic between ends {abs(gap):.3g} m apart in height; "
             "or use gait.vertical=two_cubics"
@@ -229,8 +230,11 @@ def _round_down(value: float) -> str:
     return f"{math.floor(value * scale) / scale:.10g}"
 
 
-def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array) -> None:
-    """Check that the path ``x``, ``y`` (N,), m, of leg ``i`` is within its full length; raise BadInput otherwise."""
+def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array, support: Mask) -> None:
+    """Check that the path ``x``, ``y`` (N,), m, of leg ``i`` is within its full length; raise BadInput otherwise.
+
+    ``support`` (N,) is True in support.
+    """
     leg = get_leg(mechanism, i)
     reach = (leg.length_1 + leg.length_2) * STRAIGHT
     distance = np.hypot(x, y)
@@ -239,17 +243,25 @@ def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array)
         return
     where = f"the foot of leg {i + 1} would be {distance[k]:.3f} m from its hip at sample {k}, "
     where += f"but it reaches only {reach:.3f} m"
-    depression = y.max() - mechanism.hip_height
-    if y.max() >= reach:
+    depth = config.gait.transfer_depth
+    if depth > 1.0 and distance[support].max() <= reach:
+        transfer = ~support
+        missing = (y - np.sqrt(np.maximum(reach**2 - x**2, 0.0)))[transfer].max()
+        deepest = depth * (1.0 - float(missing) / float(y[transfer].max() - mechanism.hip_height))
+        raise BadInput("gait.transfer_depth", depth, f"{where}; must be at most {_round_down(max(1.0, deepest))}")
+    ground = y[support].max()
+    depression = ground - mechanism.hip_height
+    if ground >= reach:
         require_firm(config, depression, reach - mechanism.hip_height)
-        height = mechanism.hip_height - (y.max() - reach)
+        height = mechanism.hip_height - (ground - reach)
         allowed = (
             f"{where}, and the ground gives way by {depression:.3g} m under the desired force; "
             f"must be below {_round_down(height - 1e-9)} m"
         )
         raise BadInput("machine.hip_height", mechanism.hip_height, allowed)
     # Every x is proportional to the stroke.
-    room = np.sqrt(reach**2 - y**2) / np.maximum(np.abs(x), 1e-12)
+    is_within = y < reach
+    room = np.sqrt(reach**2 - y[is_within] ** 2) / np.maximum(np.abs(x[is_within]), 1e-12)
     widest = config.gait.stroke * float(room.min())
     raise BadInput("gait.stroke", config.gait.stroke, f"{where}; must be at most {_round_down(widest)} m")
 
@@ -275,8 +287,12 @@ def _check_near(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array
         raise BadInput("gait.lift", config.gait.lift, allowed)
 
 
-def check_reach(config: Config, mechanism: Mechanism, path: Array) -> None:
-    """Check that the ``path`` (N, L, 2) of the feet, m, is within reach; else raise BadInput with a valid value."""
+def check_reach(config: Config, mechanism: Mechanism, path: Array, support: Mask) -> None:
+    """Check that the ``path`` (N, L, 2) of the feet, m, is within reach; else raise BadInput with a valid value.
+
+    ``support`` (N, L) is True for feet that are down.
+    """
     for i in range(mechanism.shape[0]):
-        _check_near(config, mechanism, i, *path[:, i].T)
-        _check_far(config, mechanism, i, *path[:, i].T)
+        x, y = path[:, i].T
+        _check_near(config, mechanism, i, x, y)
+        _check_far(config, mechanism, i, x, y, support[:, i])

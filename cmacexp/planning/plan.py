@@ -140,7 +140,7 @@ def _plan_under_load(walk: _Walk, load: BodyLoad, estimate: LoadEstimate = NOTHI
     if isinstance(config.machine, RobotMachine):
         return desired, plan_robot(config, config.machine, mechanism, desired), force
     if mechanism.kind != POINT_MASS:
-        check_reach(config, mechanism, desired.position)
+        check_reach(config, mechanism, desired.position, timing.support)
     return desired, plan_joints(mechanism, desired), force
 
 

@@ -79,7 +79,8 @@ class Panels:
 
     def stack(self, names: Sequence[str], title: str | None = None) -> Panel:
         """Stack panels, one per name: the panel that the method of this name makes or, for a pattern, its plots."""
-        panels = [self._grid(name) if "/" in name else getattr(self, name)() for name in names]
+        panels_by_name = {"scene": self.scene, "sides": self.sides, "events": self.events}
+        panels = [self._grid(name) if "/" in name else panels_by_name[name]() for name in names]
         return rrb.Vertical(*panels, row_shares=[SHARES[name] for name in names], name=title)
 
     def plots(self, pattern: str) -> list[rrb.TimeSeriesView]:

@@ -9,7 +9,7 @@ from cmacexp.addons.study.declaration import Declared, declare, read_criteria
 from cmacexp.addons.study.interval import UNPAIRED, Interval, estimate
 from cmacexp.addons.study.results import Measure, Measures, Results, RunRow
 from cmacexp.addons.study.samples import Sample, compute_growth, ended_in, per_seed, quotients, relative
-from cmacexp.addons.study.statements import ANY, Claim, Criterion, Finding, at_least, at_most, between
+from cmacexp.addons.study.statements import ANY, Claim, Criterion, Finding, Limit, at_least, at_most, between
 from cmacexp.addons.study.study import DataFrame, Figure, Request, Study, grid, starting_from
 from cmacexp.addons.study.views import (
     completed,
@@ -39,6 +39,7 @@ __all__ = [
     "Figure",
     "Finding",
     "Interval",
+    "Limit",
     "Mask",
     "Measure",
     "Measures",

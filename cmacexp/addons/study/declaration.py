@@ -16,7 +16,7 @@ import yaml
 
 from cmacexp.addons.study.results import NoSuchRuns, Results
 from cmacexp.addons.study.samples import require_sample
-from cmacexp.addons.study.statements import Claim, Criterion, Finding, Limit, fill_placeholders
+from cmacexp.addons.study.statements import Claim, Criterion, Finding, Limit, fill_names
 from cmacexp.addons.study.study import DataFrame, Figure, Request, Study, grid, starting_from
 from cmacexp.addons.study.views import cross_tabulate, over_cycles, over_setting, tabulate
 from cmacexp.errors import require, require_name
@@ -141,7 +141,7 @@ def _read_criterion(entries: Mapping[str, Any]) -> list[Criterion]:
             str(entries.get("quantity", entries["value"])), entries["value"], holds, fails, unit, scale,
             {**(entries.get("of") or {}), **dict(chosen)},
             ", ".join(str(value) for _, value in chosen) if case is None
-            else fill_placeholders("case", str(case), dict(chosen)),
+            else fill_names("case", str(case), dict(chosen)),
             **more,
         )
         for chosen in itertools.product(*values)
@@ -256,7 +256,7 @@ def _fill_texts(section: str, value: Any, words: Mapping[str, Any]) -> Any:
         return {key: _fill_texts(section, item, words) for key, item in value.items()}
     if isinstance(value, list):
         return [_fill_texts(section, item, words) for item in value]
-    return fill_placeholders(section, value, words) if isinstance(value, str) else value
+    return fill_names(section, value, words) if isinstance(value, str) else value
 
 
 def _expand(section: str, statements: Mapping[str, Any], *needs: str) -> dict[str, dict[str, Any]]:

@@ -242,7 +242,7 @@ class Claim(Statement):
         return f"“{self.words}” ({self.where}): {verdict}."
 
 
-def fill_placeholders(key: str, text: str, words: Mapping[str, Any]) -> str:
+def fill_names(key: str, text: str, words: Mapping[str, Any]) -> str:
     """Replace the names in braces of a text by the values in ``words``.
 
     Raises:
@@ -287,7 +287,7 @@ class Finding(Statement):
         decides = self.yes or any(criterion.holds != ANY for criterion in self.criteria)
         require(decides, "finding", self.says, "has no criterion with a limit: nothing would decide it")
         for wording in (self.yes, self.no, self.unclear):  # before any run: some outcomes rarely occur
-            fill_placeholders("finding", wording, {"value": "", "values": [""] * len(self.criteria)})
+            fill_names("finding", wording, {"value": "", "values": [""] * len(self.criteria)})
 
     def decide(self, verdicts: Collection[str]) -> str:
         """Return ``yes``, ``no`` or ``unclear`` from the distinct verdicts on the criteria with a limit."""
@@ -305,7 +305,7 @@ class Finding(Statement):
             wordings = {YES: self.yes, NO: self.no, UNCLEAR: self.unclear or UNDECIDED.format(self.yes)}
             pairs = zip(self.criteria, values, strict=True)
             words = [f"{value} ({criterion.infinite})" if value == INFINITE else value for criterion, value in pairs]
-            return fill_placeholders("finding", wordings[verdict], {"value": words[0], "values": words})
+            return fill_names("finding", wordings[verdict], {"value": words[0], "values": words})
         quantities: dict[tuple[str, str], list[str]] = {}
         for criterion, value, spread, size in zip(self.criteria, values, spreads, sizes, strict=True):
             if criterion.holds != ANY:

@@ -32,21 +32,11 @@ Statements = Mapping[str, Claim | Finding]
 
 
 class StoredRun(Run):
-    """A run without files: its outcome, and some of its metrics by cycle."""
+    """A run without files: its outcome, and some of its metrics by cycle, (whole cycles,) each."""
 
-    def __init__(self, status: str, metrics: Mapping[str, Array]):
+    def __init__(self, status: str, metrics: dict[str, Array]):
         super().__init__("stored", {"status": status, "cause": ""})
-        self.metrics_of_cycles = metrics
-
-    @property
-    def outcome(self) -> RunEnd:
-        """Outcome of the run."""
-        return RunEnd(self.status, "")
-
-    @property
-    def pooled(self) -> Any:
-        """Metrics by name, (whole cycles,) each."""
-        return self.metrics_of_cycles
+        self._summary = RunEnd(status), metrics, 1
 
 
 class _Used(dict[str, Array]):
