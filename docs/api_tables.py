@@ -3,6 +3,7 @@
 import inspect
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from importlib import import_module
 from typing import Any
 
@@ -53,8 +54,8 @@ def list_members(owner: type) -> Iterator[tuple[str, str]]:
     for name, member in vars(owner).items():
         if name.startswith("_"):
             continue
-        if isinstance(member, property) or type(member).__name__ == "cached_property":
-            yield f"`.{name}`", summarise(member if isinstance(member, property) else member.func)
+        if isinstance(member, property | cached_property):
+            yield f"`.{name}`", summarise(member)
         elif isinstance(member, staticmethod | classmethod):
             yield f"`.{format_signature(name, member.__func__)}`", summarise(member.__func__)
         elif inspect.isfunction(member):

@@ -1,6 +1,7 @@
 """Tables of the measured statements, and the pages of the studies, from ``docs/results.json``."""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, StrictUndefined, UndefinedError
@@ -10,10 +11,12 @@ from cmacexp.addons.study.results import LAST_CYCLES
 from cmacexp.addons.study.study_file import StudyFile
 from cmacexp.config.compose import compose_config
 from cmacexp.config.load import to_plain
+from cmacexp.data.tables import read_table
 from cmacexp.metrics.registry import format_number
 from cmacexp.report.page import find_insertions
-from cmacexp.study import Claim, Finding
+from cmacexp.study import Claim, DataFrame, Finding
 from docs.markdown import format_table
+from pipelines.benchmark import log_track, summary
 from pipelines.benchmark.benchmark import BENCHMARK
 from pipelines.benchmark.log_track import NAME as LOG_TRACK
 from pipelines.groups import GROUPS, PIPELINES, all_studies, every_study
@@ -29,6 +32,8 @@ from pipelines.results import (
 
 PAGES = PIPELINES / "pages"
 """Folder of the generated pages of the studies."""
+TABLES = {BENCHMARK: BENCHMARK, LOG_TRACK: log_track.SCORES}
+"""Table of the scores of a study."""
 COLUMNS = ("measured", "value", "95 % interval", "n", "limit", "verdict")
 LIMIT = COLUMNS.index("limit")
 Statement = Claim | Finding
@@ -187,6 +192,33 @@ def format_page(file: StudyFile, results: PublishedResults) -> str:
     if claims := [name for name in study.claims if name not in inserted]:
         text += ["## Claims of the paper", tabulate_statements([f"{file.name}.{name}" for name in claims], results)]
     return "\n\n".join([*head, *drop_empty_sections(text), ""])
+
+
+def format_frame(frame: DataFrame) -> str:
+    """Format a table of a study as Markdown."""
+    return format_table(list(frame), frame.itertuples(index=False))
+
+
+def format_scores(frame: DataFrame) -> str:
+    """Format ranking, absolute errors and the main results of each machine from the table of the benchmark."""
+    parts = [
+        ("Ranking: place, mean score of the completed runs, failures", summary.table_ranking(frame), ""),
+        ("Absolute errors at the end, medians over the worlds", summary.table_absolute(frame), ""),
+        *(
+            (name, summary.table_scores(frame, name), summary.describe_order(frame, name))
+            for name in frame["machine"].unique()
+        ),
+    ]
+    return "\n".join(f"**{title}**\n\n{format_frame(table)}\n\n{text}\n" for title, table, text in parts)
+
+
+def write_scores(folder: Path) -> None:
+    """Write the scores of full studies below ``folder``: of the benchmark and of its log track."""
+    for study, table in TABLES.items():
+        if (path := folder / study / f"{table}.parquet").is_file():
+            frame = read_table(path, texts=True).to_pandas()
+            text = format_scores(frame) if study == BENCHMARK else format_frame(log_track.tabulate(frame))
+            SCORES[study].write_text(f"{text}\n", encoding="utf-8")
 
 
 def write_pages(results: PublishedResults) -> None:

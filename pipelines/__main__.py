@@ -6,9 +6,7 @@ from pathlib import Path
 from cmacexp.addons.study.command import FOLDER
 from cmacexp.addons.study.command import main as run_study
 from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
-from cmacexp.data.tables import read_table
 from cmacexp.errors import require
-from pipelines.benchmark import log_track, summary
 from pipelines.benchmark.__main__ import main as run_benchmark
 from pipelines.benchmark.benchmark import BENCHMARK
 from pipelines.groups import GROUPS, every_study, find_study, run_group
@@ -16,7 +14,6 @@ from pipelines.results import (
     CHANGED,
     PAGES,
     RESULTS_FILE,
-    SCORES,
     find_outdated,
     read_results,
     renew_stored_rows,
@@ -35,16 +32,11 @@ def write_docs() -> None:
     """
     results = read_results()
     from docs.blocks import write_pages  # a checkout has it, as the results; a wheel does not
+    from docs.study_tables import write_scores
 
     results.add_studies(FOLDER)
     renew_stored_rows(FOLDER)
-    tables = {
-        BENCHMARK: (BENCHMARK, summary.write_scores),
-        log_track.NAME: (log_track.SCORES, lambda scores: summary.write_table(log_track.tabulate(scores))),
-    }
-    for study, (table, write) in tables.items():
-        if (path := FOLDER / study / f"{table}.parquet").is_file():
-            SCORES[study].write_text(f"{write(read_table(path, texts=True).to_pandas())}\n", encoding="utf-8")
+    write_scores(FOLDER)
     write_pages(results)
     for line in find_outdated(results.sentences, {p.name: p.read_text("utf-8") for p in PAGES}, results.statements):
         print(line)

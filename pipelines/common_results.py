@@ -68,15 +68,15 @@ def describe_end(results: Results, quantity: Sample) -> str:
     return f"ends in {np.median(ends[np.isfinite(ends)]):.0f}" + (f" ({completed} complete)" if completed else "")
 
 
-def divide_memory(run: Run, part: str, whole: str = "cells_visited") -> float:
-    """Return a memory count summed over all legs divided by another; ``part`` and ``whole`` are manifest names."""
+def count_per_cell(run: Run, name: str) -> float:
+    """Return a memory count of the manifest over the number of visited cells, both summed over all legs."""
     legs = run.manifest["memory"]
-    return float(sum(leg[part] for leg in legs) / sum(leg[whole] for leg in legs))
+    return float(sum(leg[name] for leg in legs) / sum(leg["cells_visited"] for leg in legs))
 
 
 MEMORY_MEASURES: Measures = {
-    "colliding": partial(divide_memory, part="cells_colliding"),
-    "rows_per_cell": partial(divide_memory, part="rows"),
+    "colliding": partial(count_per_cell, name="cells_colliding"),
+    "rows_per_cell": partial(count_per_cell, name="rows"),
 }
 """Share of the visited cells whose memory row another visited cell shares; memory rows per visited cell."""
 

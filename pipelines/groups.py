@@ -56,8 +56,7 @@ GROUPS = {
 def find_study(name: str) -> Path | None:
     """Return the file of the study ``name`` in this folder; None if there is none."""
     path = PIPELINES / f"{name}.py"
-    has_text = path.with_suffix(TEMPLATE).is_file() or path.with_suffix(".md").is_file()
-    return path if path.is_file() and has_text else None
+    return path if path.is_file() and path.with_suffix(TEMPLATE).is_file() else None
 
 
 def all_studies() -> list[StudyFile]:

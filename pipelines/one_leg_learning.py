@@ -34,9 +34,6 @@ ERRORS = {
 }
 
 
-WEIGHT = trace.in_cycle(1, trace.weight_at_foot)
-
-
 def values(results: Results) -> Declared:
     """Return the cycles in which the long runs ended, and the measures of statics that the page shows."""
     statics = ("depth", "bias", "weight", "statics", "weightless")
@@ -72,8 +69,8 @@ STUDY = declare(
          "quick": {"cycles": 12, "record.cycles": [5, 12]}},
     ],
     measures={
-        "weight": WEIGHT,
-        "statics": lambda run: trace.feedback_force(run.config, WEIGHT(run)),
+        "weight": trace.measure_weight,
+        "statics": lambda run: trace.feedback_force(run.config, trace.measure_weight(run)),
         "weightless": lambda run: trace.feedback_force(run.config, 0.0),
         "depth": lambda run: trace.reference_depth(run.config),
         "bias": lambda run: trace.learned_error(run.config),

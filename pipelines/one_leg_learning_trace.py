@@ -1,7 +1,7 @@
 """Measures of the study of one leg from the trace of a run; figures 7 to 9 of Lin & Song 1997 from its plan."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,6 @@ from pipelines.common_results import find_depression
 Config = Mapping[str, Any]
 Signals = Mapping[str, Any]
 """Signals of one leg over a cycle by name, and its planned ``support``, (N,) each."""
-Measure = Callable[[Signals, Config], float]
-"""Function of the signals of a cycle and the config of its run."""
 LANDED = 0.2
 """Time after touch-down from which on the force is searched for oscillations, s."""
 FORCE_WINDOW = 0.2
@@ -30,16 +28,6 @@ TORQUE_WINDOW = 0.1
 """Width of the moving mean that is subtracted from the torque, s."""
 BEFORE = 40
 """Data points of support that Fig. 8 and 9 show before the cycle, to make the jumps at lift-off visible."""
-
-
-def in_cycle(number: int, measure: Measure) -> Callable[[Run], float]:
-    """Convert a measure of a cycle into one of a run, which evaluates cycle ``number``; NaN if it is not recorded."""
-
-    def compute(run: Run) -> float:
-        rows = run.trace[run.trace["cycle"] == number]
-        return measure(read_signals(rows), run.config) if len(rows) else float("nan")
-
-    return compute
 
 
 def read_signals(rows: pd.DataFrame) -> Signals:
@@ -121,6 +109,12 @@ def weight_at_foot(signals: Signals, config: Config) -> float:
         transposed = np.reshape(jacobian(leg, trig), (2, 2)).T
         pressing.append(-np.linalg.solve(transposed, bias_torque(leg, trig, 0.0, 0.0))[1])
     return float(np.mean(pressing))
+
+
+def measure_weight(run: Run) -> float:
+    """Return :func:`weight_at_foot` in cycle 1 of a run; NaN if the cycle is not recorded."""
+    rows = run.trace[run.trace["cycle"] == 1]
+    return weight_at_foot(read_signals(rows), run.config) if len(rows) else math.nan
 
 
 def feedback_force(config: Config, weight: float) -> float:

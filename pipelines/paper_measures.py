@@ -25,8 +25,6 @@ from pipelines.paper_claims import METHODS
 Overrides = Sequence[str]
 CYCLES = (1, 2, 5)
 """Cycles of one leg that Fig. 10 to 13 show."""
-LATE = 5
-"""Cycles at the end of a walk over which its quantities are medians."""
 
 
 class Simulated(NamedTuple):
@@ -69,15 +67,6 @@ LEG_METRICS = {
 LEG_SIGNALS = ("x", "y", "x_desired", "y_desired", "force", "tau_feedback_1", "tau_feedforward_1")
 
 
-def _run_leg(overrides: Overrides, cycles: int, recall: Recall | None) -> Simulated | None:
-    """Run one leg; None if it is refused or ends early."""
-    try:
-        run = simulate(["scenario=one_leg", f"cycles={cycles}", *overrides], [*LEG_METRICS.values()], recall)
-    except BadInput:
-        return None
-    return run if run.status == Status.COMPLETED else None
-
-
 def _measure_cycle(run: Simulated, cycle: int) -> dict[str, float]:
     """Measure a cycle of one leg; the names of the quantities end with its number."""
     steps = run.config.steps_per_cycle
@@ -97,30 +86,25 @@ def _measure_cycle(run: Simulated, cycle: int) -> dict[str, float]:
     return {f"{name}_{cycle}": value for name, value in values.items()}
 
 
-def measure_feedback(overrides: Overrides, recall: Recall | None = None) -> dict[str, float]:
-    """Measure the first cycle of one leg, with feedback only; empty if the run is refused or ends early."""
-    run = _run_leg([*overrides, "feedforward=none"], 1, recall)
-    return {} if run is None else _measure_cycle(run, 1)
-
-
-def measure_leg(overrides: Overrides, recall: Recall | None = None, with_ramp: bool = False) -> dict[str, float]:
-    """Measure one leg over five cycles; empty if the run is refused or ends early.
-
-    ``with_ramp`` adds the quantities of a second run, in which the desired force is a ramp.
-    """
-    run = _run_leg(overrides, CYCLES[-1], recall)
-    if run is None:
+def measure_leg(
+    overrides: Overrides, recall: Recall | None = None, cycles: Sequence[int] = CYCLES
+) -> dict[str, float]:
+    """Measure these ``cycles`` of one leg, up to the last of them; empty if the run is refused or ends early."""
+    try:
+        run = simulate(["scenario=one_leg", f"cycles={cycles[-1]}", *overrides], [*LEG_METRICS.values()], recall)
+    except BadInput:
         return {}
-    values = {name: value for cycle in CYCLES for name, value in _measure_cycle(run, cycle).items()}
+    if run.status != Status.COMPLETED:
+        return {}
     left = 1.0 - run.metrics["feedforward_share"]
-    values["largest_rise"] = float((left[1:] / left[:-1]).max())
-    if with_ramp:
-        ramp = measure_leg([*overrides, "gait.load_ramp=0.2"])
-        values |= {
-            "ramp_torque_step": ramp.get("torque_step_5", math.nan),
-            "ramp_feedback": ramp.get("feedback_5", math.nan),
-        }
-    return values
+    values = {"largest_rise": float((left[1:] / left[:-1]).max(initial=0.0))}
+    return values | {name: value for cycle in cycles for name, value in _measure_cycle(run, cycle).items()}
+
+
+def measure_ramp(overrides: Overrides) -> dict[str, float]:
+    """Measure one leg whose desired force is a ramp; the names of the quantities begin with ``ramp_``."""
+    ramp = measure_leg([*overrides, "gait.load_ramp=0.2"])
+    return {f"ramp_{name}": value for name, value in ramp.items()}
 
 
 MASS_METRICS = ("force_settled", "force_overshoot", "force_itae")
@@ -131,22 +115,23 @@ def measure_mass(overrides: Overrides, recall: Recall | None = None) -> dict[str
     base = ["scenario=force_step", *overrides]
     large = ["force_control.elasticity=100", "force_control.admittance=100"]
     try:
-        runs = {method: simulate([*base, f"force_control={method}"], MASS_METRICS) for method in METHODS}
-        doubled = simulate([*base, "force_control=damping", "force_control.desired_force=2"], MASS_METRICS)
-        unstable = simulate([*base, *large], MASS_METRICS)
+        runs = {method: simulate([*base, f"force_control={method}"], MASS_METRICS, recall) for method in METHODS}
+        doubled = simulate([*base, "force_control=damping", "force_control.desired_force=2"], MASS_METRICS, recall)
+        unstable = simulate([*base, *large], MASS_METRICS, recall)
     except BadInput:
         return {}
-    rest = {name: _measure_rest(run) for name, run in runs.items()}
-    values = {f"rest_{name}": error for name, error in rest.items()}
-    others = [runs[name].metrics for name in METHODS if name != "combined" and rest[name] <= 0.02]
-    combined = runs["combined"].metrics
+    rest = {f"rest_{name}": _measure_rest(run) for name, run in runs.items()}
+    combined = runs.pop("combined").metrics
+    others = [run.metrics for name, run in runs.items() if rest[f"rest_{name}"] <= 0.02]
+    damped = runs["damping"].metrics["force_settled"]
+    values = {
+        "doubled": float(doubled.metrics["force_settled"][0] / damped[0]),
+        "rest_large_gain": _measure_rest(unstable),
+    }
     for key, metric in (("overshoot", "force_overshoot"), ("itae", "force_itae")):
         values[key] = float(combined[metric][0])
         values[f"other_{key}"] = min((float(other[metric][0]) for other in others), default=math.nan)
-    once = runs["damping"].metrics["force_settled"][0]
-    values["doubled"] = float(doubled.metrics["force_settled"][0] / once)
-    values["rest_large_gain"] = _measure_rest(unstable)
-    return values
+    return rest | values
 
 
 def _measure_rest(run: Simulated) -> float:
@@ -166,14 +151,12 @@ WALK_METRICS = {
 """Metrics of a walk by the name of their quantity: medians of the last cycles."""
 EVENTS = ("duty_factor_off", "wave_off", "rear", "front", "front_gain", "restored")
 WALK_CYCLES = 10
+WALK = ("scenario=quadruped", f"cycles={WALK_CYCLES}")
 
 
-def measure_walk(overrides: Overrides, recall: Recall | None = None, apart: bool = False) -> dict[str, float]:
-    """Measure the quadruped with and without CMAC; without quantities of a run that is refused or falls.
-
-    ``apart`` adds the quantities that the search does not use.
-    """
-    base = ["scenario=quadruped", f"cycles={WALK_CYCLES}", *overrides]
+def measure_walk(overrides: Overrides, recall: Recall | None = None) -> dict[str, float]:
+    """Measure the quadruped with and without CMAC; without quantities of a run that is refused or falls."""
+    base = [*WALK, *overrides]
     recall = recall or Recall()
     try:
         run = simulate(base, [*WALK_METRICS.values(), "feedforward_share"], recall)
@@ -184,40 +167,46 @@ def measure_walk(overrides: Overrides, recall: Recall | None = None, apart: bool
     if run.status != Status.COMPLETED:
         return values
     left = 1.0 - run.metrics["feedforward_share"]
-    values |= {"feedback_2": float(left[1]), "feedback_end": float(np.median(left[-LATE:]))}
-    values |= {name: float(np.median(run.metrics[metric][-LATE:])) for name, metric in WALK_METRICS.items()}
+    values |= {"feedback_2": float(left[1]), "feedback_end": _find_end(left)}
+    values |= {name: _find_end(run.metrics[metric]) for name, metric in WALK_METRICS.items()}
     if alone.status == Status.COMPLETED:
-        values |= {
-            f"{name}_alone": float(np.median(alone.metrics[metric][-LATE:])) for name, metric in WALK_METRICS.items()
-        }
+        values |= {f"{name}_alone": _find_end(alone.metrics[metric]) for name, metric in WALK_METRICS.items()}
     assert run.trace.body is not None
     body = compute_body(run.trace.body, run.config.steps_per_cycle, 1).to_pandas()
     height = run.config.machine.hip_height
-    below, above = height - body["height_min"][-LATE:].min(), body["height_max"][-LATE:].max() - height
-    values |= {"tilt": float(body["tilt_max"][-LATE:].median()), "height_off": float(max(below, above)) / height}
+    height_error = np.maximum(body["height_max"] - height, height - body["height_min"])[-walk_trace.LATE :].max()
     length = float(np.ptp([x for x, _ in run.config.machine.hips]))
-    events = walk_trace.measure_events(
-        walk_trace.Walk(run.trace, length, run.config.sampling_period), range(2, WALK_CYCLES + 1)
-    )
-    values |= {name: float(events[name][-LATE:].median()) for name in EVENTS}
-    values["two_feet"] = float(events["two_feet"].mean())
-    values["late"] = float((events["force_1"] > 0.0).mean())
-    values["margin_late"] = float(events["margin"].min()) / float(np.nanmin(run.margins[:, STABILITY]))
-    if apart:
-        without = [*base, "posture.gain=0", "learning.start_cycle=1"]
-        only = [
-            *base,
-            "feedforward=none",
-            "posture.gain=0",
-            "force_control.elasticity=0",
-            "force_control.admittance=0",
-        ]
-        longer = [*base, "feedforward=none", "gait.duty_factor=0.9"]
-        values["done_without_posture"] = _measure_done(simulate(without, []))
-        values["done_position_only"] = _measure_done(simulate(only, []))
-        transfer = simulate(longer, ["transfer_rmse_y"]).metrics["transfer_rmse_y"]
-        values["transfer_y_duty"] = float(np.median(transfer[-LATE:]))
-    return values
+    walk = walk_trace.Walk(run.trace, length, run.config.sampling_period)
+    events = walk_trace.measure_events(walk, range(2, WALK_CYCLES + 1))
+    return values | {
+        "tilt": _find_end(body["tilt_max"]),
+        "height_off": float(height_error) / height,
+        **{name: _find_end(events[name]) for name in EVENTS},
+        "two_feet": float(events["two_feet"].mean()),
+        "late": float((events["force_1"] > 0.0).mean()),
+        "margin_late": float(events["margin"].min()) / float(np.nanmin(run.margins[:, STABILITY])),
+    }
+
+
+def measure_walk_apart(overrides: Overrides) -> dict[str, float]:
+    """Measure what the search does not use.
+
+    These are walks without posture control, under position control only, and with a duty factor of 0.9.
+    """
+    alone = [*WALK, *overrides, "feedforward=none"]
+    without = [*WALK, *overrides, "posture.gain=0", "learning.start_cycle=1"]
+    only = [*alone, "posture.gain=0", "force_control.elasticity=0", "force_control.admittance=0"]
+    longer = simulate([*alone, "gait.duty_factor=0.9"], ["transfer_rmse_y"])
+    return {
+        "done_without_posture": _measure_done(simulate(without, [])),
+        "done_position_only": _measure_done(simulate(only, [])),
+        "transfer_y_duty": _find_end(longer.metrics["transfer_rmse_y"]),
+    }
+
+
+def _find_end(values: Array) -> float:
+    """Return the median of the last cycles of a walk."""
+    return float(np.median(values[-walk_trace.LATE :]))
 
 
 def _measure_done(run: Simulated) -> float:

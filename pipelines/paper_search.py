@@ -5,7 +5,8 @@ Each setting draws every open value at once. ``python -m pipelines.paper_setting
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,7 +16,7 @@ from cmacexp.engine.workers import start_workers
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.planning import Recall
 from pipelines.paper_claims import FEEDBACK, LEG, MASS, WALK, Claim
-from pipelines.paper_measures import measure_feedback, measure_leg, measure_mass, measure_walk
+from pipelines.paper_measures import measure_leg, measure_mass, measure_walk
 
 Range = Mapping[str, Sequence[str]]
 """Values of an open quantity, the plain reading first, by the config keys that they set, joined by a space."""
@@ -78,8 +79,8 @@ FOUND: Mapping[str, Mapping[str, str]] = {
 """Values of the joint setting that differ from the plain reading.
 
 Of the settings of one leg with all claims true and the fewest changes, that with the least error left in transfer.
-The quadruped has these values, and of all settings that differ from them in two more values that with the most claims
-true.
+The quadruped has these values and two more, chosen among all pairs for the most true claims; no command repeats
+that choice.
 """
 LEARNING = ("learning.lead", INPUTS, "cmac.range_factor", "cmac.weight_type")
 """Open values of one leg that do not act in cycle 1."""
@@ -105,7 +106,13 @@ MACHINES = {
     "leg": Machine(LEG_RANGES, LEG, measure_leg, FIXED, 20_000),
     "walk": Machine(WALK_RANGES, WALK, measure_walk, FIXED, 2_000),
     "mass": Machine(MASS_RANGES, MASS, measure_mass, (), 400),
-    "feedback": Machine(LEG_RANGES, {name: LEG[name] for name in FEEDBACK}, measure_feedback, FIXED, 0),
+    "feedback": Machine(
+        LEG_RANGES,
+        {name: LEG[name] for name in FEEDBACK},
+        partial(measure_leg, cycles=(1,)),
+        (*FIXED, "feedforward=none"),
+        0,
+    ),
 }
 """Machines of the search; ``feedback`` is one leg in its first cycle, before the network acts."""
 
@@ -115,20 +122,22 @@ def list_overrides(setting: Mapping[str, str]) -> list[str]:
     return [f"{key}={value}" for keys, value in setting.items() for key in keys.split()]
 
 
-def draw_settings(ranges: Range, count: int, seed: int = 0) -> list[dict[str, str]]:
+def read_plainly(ranges: Range) -> dict[str, str]:
+    """Return the plain reading: the first value of every range."""
+    return {key: values[0] for key, values in ranges.items()}
+
+
+def draw_settings(ranges: Range, count: int) -> list[dict[str, str]]:
     """Draw ``count`` joint settings, every value uniformly from its range; the first is the plain reading."""
-    rng = np.random.default_rng(seed)
-    plain = {key: values[0] for key, values in ranges.items()}
+    rng = np.random.default_rng(0)
     drawn = [{key: str(rng.choice(values)) for key, values in ranges.items()} for _ in range(count - 1)]
-    return [plain, *drawn]
+    return [read_plainly(ranges), *drawn]
 
 
-def list_neighbours(ranges: Range, most: int, chosen: Mapping[str, str] | None = None) -> Iterator[dict[str, str]]:
-    """List all settings that differ in up to ``most`` values from the plain reading with the ``chosen`` values."""
-    fixed = chosen or {}
-    plain = {**{key: values[0] for key, values in ranges.items()}, **fixed}
-    free = [key for key in ranges if key not in fixed]
-    for changed in itertools.chain.from_iterable(itertools.combinations(free, number) for number in range(most + 1)):
+def list_neighbours(ranges: Range, most: int) -> Iterator[dict[str, str]]:
+    """List all settings that differ in up to ``most`` values from the plain reading."""
+    plain = read_plainly(ranges)
+    for changed in itertools.chain.from_iterable(itertools.combinations(ranges, n) for n in range(most + 1)):
         for values in itertools.product(*(ranges[key][1:] for key in changed)):
             yield plain | dict(zip(changed, values, strict=True))
 
@@ -141,9 +150,8 @@ def search_near(most: int) -> pd.DataFrame:
     settings = list(list_neighbours(LEG_RANGES, most))
     keys = [key for key in LEG_RANGES if key not in LEARNING]
     first = {tuple(setting[key] for key in keys): setting for setting in settings}
-    found = search("feedback", list(first.values()))
-    holds = found[[f"holds:{name}" for name in FEEDBACK]].all(axis=1)
-    fitting = {key for key, fits in zip(first, holds, strict=True) if fits}
+    holds = search("feedback", list(first.values()))[[f"holds:{name}" for name in FEEDBACK]].all(axis=1)
+    fitting = set(itertools.compress(first, holds))
     return search("leg", [setting for setting in settings if tuple(setting[key] for key in keys) in fitting])
 
 
@@ -158,22 +166,16 @@ def measure_chunk(machine: str, settings: Sequence[Mapping[str, str]], runs: int
 def search(machine: str, settings: Sequence[Mapping[str, str]]) -> pd.DataFrame:
     """Measure settings of a machine on all cores: their values, quantities, and ``holds:NAME`` for each claim."""
     items = [(machine, settings[first : first + CHUNK], len(settings)) for first in range(0, len(settings), CHUNK)]
-    measured = dict[int, list[dict[str, float]]]()
     with start_workers() as workers:
-        for index, values in map_runs(
-            measure_chunk, items, workers, machine, len(settings), lambda item: len(item[1])
-        ):
-            measured[index] = values
-    rows = list[dict[str, Any]]()
+        chunks = dict(map_runs(measure_chunk, items, workers, machine, len(settings), lambda item: len(item[1])))
+    measured = itertools.chain.from_iterable(chunks[number] for number in range(len(items)))
     claims = MACHINES[machine].claims
-    for setting, values in zip(settings, itertools.chain(*(measured[n] for n in range(len(items)))), strict=True):
-        holds = {f"holds:{name}": claim.holds(_Undefined(values)) for name, claim in claims.items()}
-        rows.append({**setting, **values, "completed": bool(values), **holds})
-    return pd.DataFrame(rows)
-
-
-class _Undefined(dict[str, float]):
-    """Quantities of a setting, NaN where a run does not define one."""
-
-    def __missing__(self, name: str) -> float:
-        return float("nan")
+    return pd.DataFrame(
+        {
+            **setting,
+            **values,
+            "completed": bool(values),
+            **{f"holds:{name}": claim.holds(values) for name, claim in claims.items()},
+        }
+        for setting, values in zip(settings, measured, strict=True)
+    )

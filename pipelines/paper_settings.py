@@ -8,10 +8,12 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from cmacexp.planning import Recall
 from cmacexp.study import (
     ANY,
     Array,
@@ -23,12 +25,11 @@ from cmacexp.study import (
     Panel,
     Results,
     Series,
-    between,
     declare,
     draw,
 )
 from pipelines import paper_claims
-from pipelines.paper_measures import measure_leg, measure_mass, measure_walk
+from pipelines.paper_measures import measure_ramp, measure_walk_apart
 from pipelines.paper_search import (
     FIXED,
     FOUND,
@@ -38,6 +39,7 @@ from pipelines.paper_search import (
     draw_settings,
     list_neighbours,
     list_overrides,
+    read_plainly,
     search,
     search_near,
 )
@@ -69,11 +71,11 @@ def compute_neighbours(results: Results) -> DataFrame:
     The claims that are kept apart are tested where all others are true: ``apart:NAME``, elsewhere null.
     """
     table = search_near(1 if results.has_one_seed else MOST_CHANGES)
-    plain = pd.Series({key: values[0] for key, values in LEG_RANGES.items()})
-    true = _count_claims(table) == len(paper_claims.LEG)
+    plain = pd.Series(read_plainly(LEG_RANGES))
+    true = table[_count_claims(table) == len(paper_claims.LEG)]
     apart = {
-        row: measure_leg([*FIXED, *list_overrides(table.loc[row, plain.index])], with_ramp=True)
-        for row in table.index[true]
+        row: {**values, **measure_ramp([*FIXED, *list_overrides({key: values[key] for key in plain.index})])}
+        for row, values in true.to_dict("index").items()
     }
     return table.assign(
         changes=(table[plain.index] != plain).sum(axis=1),
@@ -84,29 +86,35 @@ def compute_neighbours(results: Results) -> DataFrame:
     )
 
 
+APART = {"leg": measure_ramp, "walk": measure_walk_apart}
+"""Functions that measure what only the claims need that are kept apart from the search."""
+
+
 def compute_validation(results: Results) -> DataFrame:
     """Measure the plain reading and the setting that was found of each machine, with seeds of a hashed memory."""
     rows = []
-    seeds = range(1 if results.has_one_seed else SEEDS)
     for name in CLAIMS:
-        plain = {key: values[0] for key, values in MACHINES[name].ranges.items()}
-        for setting, seed in itertools.product((PRINTED, JOINT), seeds if name != "mass" else range(1)):
-            overrides = list_overrides({**plain, **FOUND[name]} if setting == JOINT else plain)
-            if name == "leg":
-                values = measure_leg([*overrides, f"seed={seed}"], with_ramp=True)
-            elif name == "walk":
-                values = measure_walk([*overrides, f"seed={seed}"], apart=True)
-            else:
-                values = measure_mass(overrides)
-            rows.append({"machine": name, "setting": setting, "seed": seed, **values})
+        plain = read_plainly(MACHINES[name].ranges)
+        seeds = SEEDS if name in APART and not results.has_one_seed else 1  # the point mass has no network
+        for setting, seed in itertools.product((PRINTED, JOINT), range(seeds)):
+            chosen = {**plain, **FOUND[name]} if setting == JOINT else plain
+            overrides = [*list_overrides(chosen), f"seed={seed}"]
+            values = MACHINES[name].measure(overrides, Recall())
+            apart = APART[name](overrides) if name in APART else {}
+            rows.append({"machine": name, "setting": setting, "seed": seed, **values, **apart})
     return pd.DataFrame(rows)
+
+
+def _list_measured(results: Results, machine: str, setting: str) -> list[dict[str, float]]:
+    """List the measured quantities of a setting, a mapping for each seed."""
+    table = results.computed["validation"]
+    return table[(table["machine"] == machine) & (table["setting"] == setting)].to_dict("records")
 
 
 def _measure(results: Results, criterion: paper_claims.Criterion, machine: str, setting: str) -> Array:
     """Return a quantity for each seed of a setting, (seeds,); infinite where it is undefined."""
-    table = results.computed["validation"]
-    rows = table[(table["machine"] == machine) & (table["setting"] == setting)]
-    return np.nan_to_num([criterion.measure(row) for row in rows.to_dict("records")], nan=np.inf)
+    values = [criterion.measure(row) for row in _list_measured(results, machine, setting)]
+    return np.nan_to_num(values, nan=np.inf)
 
 
 def _count(results: Results, machine: str, name: str) -> Array:
@@ -120,7 +128,7 @@ def _make_claim(machine: str, name: str, claim: paper_claims.Claim) -> Claim:
         Criterion(
             criterion.quantity,
             partial(_measure, criterion=criterion, machine=machine, setting=setting),
-            between(criterion.low, criterion.high),
+            criterion.limit,
             unit=criterion.unit,
             case=setting,
             infinite="the run ended early, or nothing to compare with",
@@ -142,22 +150,19 @@ def _count_claims(table: DataFrame) -> Array:
 def tabulate_claims(results: Results, machine: str) -> DataFrame:
     """Tabulate for each claim its verdicts, its share of the settings, and the value that matters most for it."""
     rows = []
-    table = results.computed[machine]
     for name, claim in CLAIMS[machine].items():
         row: Declared = {"claim": claim.words, "where": claim.where}
         for setting in (PRINTED, JOINT):
-            inside = [
-                [criterion.low <= value <= criterion.high for value in _measure(results, criterion, machine, setting)]
-                for criterion in claim.criteria
-            ]
-            true = np.all(inside, axis=0)
-            row[setting] = f"{true.sum()} of {true.size}"
+            row[setting] = _share([claim.holds(values) for values in _list_measured(results, machine, setting)])
         if name in MACHINES[machine].claims:
-            true = _count(results, machine, name)
-            row["settings"] = f"{true.sum()} of {true.size}"
-            row["decided most by"] = _find_cause(table, name, list(MACHINES[machine].ranges))
+            row["settings"] = _share(_count(results, machine, name))
+            row["decided most by"] = _find_cause(results.computed[machine], name, list(MACHINES[machine].ranges))
         rows.append(row)
     return pd.DataFrame(rows).fillna("kept apart")
+
+
+def _share(true: Sequence[bool] | Array) -> str:
+    return f"{sum(true)} of {len(true)}"
 
 
 def _find_cause(table: DataFrame, name: str, keys: Sequence[str]) -> str:
@@ -173,20 +178,22 @@ def tabulate_forms(results: Results) -> DataFrame:
     table = results.computed["leg"]
     most = len(paper_claims.LEG)
     counts = _count_claims(table)
-    feedback = table["holds:peak"] & table["holds:settles"]
-    grouped = table.assign(all=counts == most, most=counts, feedback=feedback).groupby(GRAVITY)
+    grouped = table.assign(all=counts == most, most=counts, feedback=_give_figure_12(table)).groupby(GRAVITY)
     rows = grouped.agg(
         settings=("all", "size"), feedback=("feedback", "sum"), all=("all", "sum"), most=("most", "max")
     )
-    ordered = rows.sort_values(["all", "feedback"], ascending=False).reset_index()
-    return ordered.rename(
-        columns={
-            GRAVITY: "factors of G",
-            "feedback": "1.1 N, then 0.9 N",
-            "all": "all claims",
-            "most": f"most claims of {most}",
-        }
-    ).head(12)
+    titles = {
+        GRAVITY: "factors of G",
+        "feedback": "1.1 N, then 0.9 N",
+        "all": "all claims",
+        "most": f"most claims of {most}",
+    }
+    return rows.sort_values(["all", "feedback"], ascending=False).reset_index().rename(columns=titles).head(12)
+
+
+def _give_figure_12(table: DataFrame) -> Any:
+    """Return for each setting if feedback only gives 1.1 N, then 0.9 N, (settings,)."""
+    return table["holds:peak"] & table["holds:settles"]
 
 
 def _find_simplest(results: Results) -> DataFrame:
@@ -198,13 +205,13 @@ def _find_simplest(results: Results) -> DataFrame:
 
 def list_simplest(results: Results) -> DataFrame:
     """List the simplest settings: what differs from the plain reading, the numbers of Fig. 12, errors left."""
-    plain = {key: values[0] for key, values in LEG_RANGES.items()}
+    plain = read_plainly(LEG_RANGES)
     rows = [
         {
             "differs from the plain reading": ", ".join(
                 f"{key}={row[key]}" for key in plain if row[key] != plain[key]
             ),
-            **{title: row[name] for title, name in FIGURE_12.items()},
+            **{title: row[name] for title, (name, _) in FIGURE_12.items()},
             "left in x, %": 100.0 * row["transfer_x_5"] / row["transfer_x_1"],
             "left in y, %": 100.0 * row["transfer_y_5"] / row["transfer_y_1"],
         }
@@ -220,41 +227,32 @@ def tabulate_apart(results: Results) -> DataFrame:
         {
             "claim": claim.words,
             "where": claim.where,
-            "true in": f"{int(simplest[f'apart:{name}'].sum())} of {len(simplest)}",
+            "true in": _share(simplest[f"apart:{name}"]),
         }
         for name, claim in paper_claims.LEG_APART.items()
     )
 
 
 FIGURE_12 = {
-    "largest force, cycle 1, N": "force_peak_1",
-    "settled, cycle 1, N": "force_settled_1",
-    "settled, cycle 2, N": "force_settled_2",
-    "settled, cycle 5, N": "force_settled_5",
+    "largest force, cycle 1, N": ("force_peak_1", "1.1"),
+    "settled, cycle 1, N": ("force_settled_1", "about 0.9"),
+    "settled, cycle 2, N": ("force_settled_2", "less than 5 % off 1"),
+    "settled, cycle 5, N": ("force_settled_5", "further off than in cycle 2"),
 }
-"""Numbers of Fig. 12 by their title."""
-PAPER_12 = {
-    "largest force, cycle 1, N": "1.1",
-    "settled, cycle 1, N": "about 0.9",
-    "settled, cycle 2, N": "less than 5 % off 1",
-    "settled, cycle 5, N": "further off than in cycle 2",
-}
-"""What the text of the paper says of them."""
+"""Numbers of Fig. 12 by their title: name of the quantity, and what the text of the paper says of it."""
 
 
 def tabulate_figure_12(results: Results) -> DataFrame:
     """Tabulate the numbers of Fig. 12: the paper's text, the plain reading and the joint setting, with its seeds."""
-    table = results.computed["validation"]
-    legs = table[table["machine"] == "leg"]
 
     def read(setting: str, name: str) -> str:
-        values = legs[legs["setting"] == setting][name]
-        low, high = values.min(), values.max()
-        return f"{low:.3f}" if f"{low:.3f}" == f"{high:.3f}" else f"{low:.3f} to {high:.3f}"
+        values = [row[name] for row in _list_measured(results, "leg", setting)]
+        least, most = f"{min(values):.3f}", f"{max(values):.3f}"
+        return least if least == most else f"{least} to {most}"
 
     return pd.DataFrame(
-        {"quantity": title, "the paper": PAPER_12[title], PRINTED: read(PRINTED, name), JOINT: read(JOINT, name)}
-        for title, name in FIGURE_12.items()
+        {"quantity": title, "the paper": words, **{setting: read(setting, name) for setting in (PRINTED, JOINT)}}
+        for title, (name, words) in FIGURE_12.items()
     )
 
 
@@ -290,8 +288,7 @@ def values(results: Results) -> Declared:
 def _with_form(results: Results, form: str) -> Array:
     """Return for each setting with a form of G if feedback only gives 1.1 N, then 0.9 N, (settings,)."""
     table = results.computed["leg"]
-    chosen = table[table[GRAVITY] == form]
-    return (chosen["holds:peak"] & chosen["holds:settles"]).to_numpy()
+    return _give_figure_12(table)[table[GRAVITY] == form].to_numpy()
 
 
 def _in_leg(results: Results, name: str, cycle: int) -> Array:

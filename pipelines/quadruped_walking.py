@@ -103,11 +103,6 @@ def values(results: Results) -> Declared:
     return {"last": cycle} | {f"fig{n}": walk.time[k] - began for n, k in instants.items()}
 
 
-STEADY: Declared = {
-    "quantity": "largest tilt in a cycle, median of the last 5 cycles",
-    "value": lambda runs: runs.end("tilt_max", trace.LATE),
-}  # fmt: skip
-WALKS: Declared = {"quantity": "part of the cycles that are walked", "value": lambda runs: runs.done}
 NOISE: list[Declared] = [
     {"quantity": "change by noise with CMAC over that without, last 5 cycles",
      "value": partial(noise_ratio, column=column),
@@ -115,10 +110,6 @@ NOISE: list[Declared] = [
      "limit": "at most 0.8", "opposite": "at least 1"}
     for what, column in (("the feet's positions", "feet"), ("the contact forces", "force"))
 ]  # fmt: skip
-NOISE_WORDS = (
-    "Improved robustness toward the sensor noises because the input of CMAC comes directly from trajectory planning, "
-    "not from measurement"
-)
 
 
 def _scale_end(results: Results, name: str, scale: float) -> Array:
@@ -146,7 +137,13 @@ STUDY = declare(
     ],
     measures=trace.MEASURES,
     computed={"noise": deviations},
-    claims={"noise": {"words": NOISE_WORDS, "where": "section 6.3", "criteria": _with("literal", NOISE)}},
+    claims={
+        "noise": {
+            "words": "Improved robustness toward the sensor noises because the input of CMAC comes directly from "
+            "trajectory planning, not from measurement",
+            "where": "section 6.3", "criteria": _with("literal", NOISE),
+        },
+    },
     findings={
         "aware_noise": {
             "says": "With `reference=aware` the CMAC makes the walk more robust to noise",
@@ -156,8 +153,9 @@ STUDY = declare(
             "says": "Once the CMAC has learnt, the body leans under eq. 24 as printed, and does not with "
             "`reference=aware`",
             "criteria": [
-                {"quantity": STEADY["quantity"], "value": STEADY["value"], "of": {**LADDER, "reference": reference},
-                 "case": case, "limit": limit}
+                {"quantity": "largest tilt in a cycle, median of the last 5 cycles",
+                 "value": partial(Results.end, name="tilt_max", cycles=trace.LATE),
+                 "of": {**LADDER, "reference": reference}, "case": case, "limit": limit}
                 for reference, case, limit in (
                     ("literal", "eq. 24 as printed", "at least 50 mrad"),
                      ("aware", "aware reference", "at most 20 mrad"),
@@ -191,8 +189,8 @@ STUDY = declare(
             "says": "With the law as published the walk ends early, with a lead of one sample (`learning.lead=1`) it "
             "completes",
             "criteria": [
-                {"quantity": WALKS["quantity"], "value": WALKS["value"], "of": {"part": "long"}, "each": {"law": law},
-                 "limit": limit}
+                {"quantity": "part of the cycles that are walked", "value": lambda runs: runs.done,
+                 "of": {"part": "long"}, "each": {"law": law}, "limit": limit}
                 for law, limit in (("as published", "at most 90 %"), ("lead of one sample", "at least 90 %"))
             ],
         },

@@ -1,7 +1,7 @@
 """Measures and figures of the quadruped study from the traces of its walks.
 
-Measures cover the events of Fig. 14 and 17 to 20, and the criteria of a walk. Figures are the gait diagram (Fig. 14)
-and three views of the machine (Fig. 16 to 20).
+Measures cover the events of Fig. 14 and 17 to 20, and shares of the force error. Figures are the gait diagram
+(Fig. 14) and three views of the machine (Fig. 16 to 20).
 
 Stability margins are the true ones: of the polygon of loaded feet at their actual positions under the tilted body. An
 undefined margin counts as -inf: fewer than three feet are loaded, or the line along the body misses their polygon.
@@ -111,19 +111,10 @@ def contacts(walk: Walk, cycle: int) -> dict[str, float]:
 
 
 def lift_off_of_3(walk: Walk, cycle: int) -> dict[str, float]:
-    """Measure the lift-off of foot 3 (Fig. 17).
-
-    ``rear`` is the rear margin relative to the body's length as foot 3 leaves the ground; ``correlation`` is that of
-    the force of foot 2 with this margin while foot 3 is aloft, 0 if either is constant.
-    """
+    """Measure ``rear``, the rear margin relative to the body's length as foot 3 leaves the ground (Fig. 17)."""
     k = walk.start(cycle, 3, support=False)
     aloft = k + np.flatnonzero(walk.trace["force"][k : walk.end(k, 3), 2] == 0.0)
-    rear, force = walk.carried[aloft, REAR], walk.trace["force"][aloft, 1]
-    varies = len(aloft) > 1 and np.isfinite(rear).all() and min(np.ptp(rear), np.ptp(force)) > 0.0
-    return {
-        "rear": float(rear[0]) / walk.length if len(aloft) else -np.inf,
-        "correlation": float(np.corrcoef(rear, force)[0, 1]) if varies else 0.0,
-    }
+    return {"rear": float(walk.carried[aloft[0], REAR]) / walk.length if len(aloft) else -np.inf}
 
 
 def touch_down_of_3(walk: Walk, cycle: int) -> dict[str, float]:
@@ -182,16 +173,9 @@ def four_feet(walk: Walk, cycle: int) -> dict[str, float]:
     return {"four_feet": square / float((error**2).sum()), "diagonal": float((diagonal**2).sum()) / square}
 
 
-@cache
-def events_in(folder: Path) -> DataFrame:
-    """Measure the events of the run in a folder, a row per whole cycle; cached, as several measures need them."""
-    view = view_walk(folder)
-    return measure_events(walk_in(view), range(1, view.run.whole_cycles + 1))
-
-
 def measure_events(walk: Walk, cycles: Iterable[int]) -> DataFrame:
     """Measure the events of a walk, a row for each of ``cycles``."""
-    events = (contacts, touch_down_of_3, lift_off_of_3, touch_down_of_2, four_feet)
+    events = (contacts, touch_down_of_3, lift_off_of_3, touch_down_of_2)
     return pd.DataFrame(
         {key: value for find in events for key, value in find(walk, cycle).items()} for cycle in cycles
     )
@@ -213,10 +197,16 @@ def instants(walk: Walk, cycle: int) -> dict[int, int]:
     }
 
 
-def measure_event(run: Run, event: str) -> float:
-    """Return the median of an event over the last cycles of a run; 0 if it did not complete or lacks cycles."""
-    whole = run.status == Status.COMPLETED and run.config["record"]["cycles"] is None
-    return float(np.median(events_in(run.folder)[event].to_numpy()[-LATE:])) if whole else 0.0
+def measure_share(run: Run, name: str) -> float:
+    """Return the median of a share of :func:`four_feet` over the last cycles of a run.
+
+    It is 0 if the run did not complete or its trace lacks cycles.
+    """
+    if run.status != Status.COMPLETED or run.config["record"]["cycles"] is not None:
+        return 0.0
+    walk = walk_in(view_walk(run.folder))
+    last = run.whole_cycles
+    return float(np.median([four_feet(walk, cycle)[name] for cycle in range(max(1, last - LATE + 1), last + 1)]))
 
 
 @if_completed
@@ -228,11 +218,11 @@ def burst(run: Run) -> float:
 
 
 MEASURES: Measures = {
-    "four_feet": partial(measure_event, event="four_feet"),
-    "diagonal": partial(measure_event, event="diagonal"),
+    "four_feet": partial(measure_share, name="four_feet"),
+    "diagonal": partial(measure_share, name="diagonal"),
     "burst": burst,
 }
-"""Measures of a run; events are medians over the last cycles."""
+"""Measures of a run."""
 
 
 def gait_diagram(walk: RunView, cycles: int = 2) -> Figure:

@@ -246,7 +246,7 @@ def run(arguments: Arguments, options: Options) -> Path:
     }
     results = Results([], {SCORES: pd.DataFrame(rows)})
     root = Path(__file__).parents[2]
-    sources = [*(root / "cmacexp" / "gap").glob("*.py"), *Path(__file__).parent.glob("*log*.py")]
+    sources = [*(root / "cmacexp" / "addons" / "gap").glob("*.py"), *Path(__file__).parent.glob("*log*.py")]
     provenance = {
         **make_provenance(digest_files(sources, root), results, [], seeds=1),
         "runs": len(rows),

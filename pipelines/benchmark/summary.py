@@ -199,22 +199,6 @@ def draw_profiles(frame: pd.DataFrame) -> Figure:
     )
 
 
-def write_scores(frame: pd.DataFrame) -> str:
-    """Format absolute errors and the main results of each machine as Markdown for the documentation."""
-    parts = [
-        ("Ranking: place, mean score of the completed runs, failures", table_ranking(frame), ""),
-        ("Absolute errors at the end, medians over the worlds", table_absolute(frame), ""),
-    ]
-    parts += [(name, table_scores(frame, name), describe_order(frame, name)) for name in frame["machine"].unique()]
-    return "\n".join(f"**{title}**\n\n{write_table(table)}\n\n{text}\n" for title, table, text in parts)
-
-
-def write_table(table: pd.DataFrame) -> str:
-    """Format a table as Markdown."""
-    rows = [list(table), ["---"] * len(table.columns), *table.itertuples(index=False)]
-    return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in rows)
-
-
 def over_worlds(machine: str, compute: Callable[[Comparison], Array | Mask], setting: str = FOR_ALL) -> Any:
     """Return a function of results that applies ``compute`` to the comparison of a machine with a kind of setting."""
     return lambda results: compute(make_comparison(results.computed["benchmark"], machine, setting))
