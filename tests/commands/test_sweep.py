@@ -10,10 +10,9 @@ import time
 import pandas as pd
 import pytest
 import yaml
-from support.command import call, environment, interrupted, started
+from support.command import call, environment, interrupted, started, sweep, table_of
 from support.doors import BadRun, remove_dead_parts
 from support.manifests import change_manifest
-from support.sweeps import sweep, table_of
 
 import cmacexp
 from cmacexp import load_sweep

@@ -5,8 +5,7 @@ import re
 import pytest
 from omegaconf import OmegaConf
 from support.command import ROOT
-from support.robot_walks import SHORT
-from support.robots import OWN
+from support.robots import OWN, SHORT
 
 import cmacexp
 from cmacexp.config import config_folder, config_hash, to_plain

@@ -6,10 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import compose_config, make_scenario
-from support.robot_walks import RIGID, ROBOT, SHORT
-from support.robots import OWN
-from support.rollout import roll_out
+from support.doors import compose_config, make_scenario, roll_out
+from support.robots import OWN, RIGID, ROBOT, SHORT
 from support.views import ROBOT_HIPS, make_chain
 
 from cmacexp.control import DriveController

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from support.doors import make_pose, make_scenario
-from support.rollout import roll_out
+from support.doors import make_pose, make_scenario, roll_out
 
 from cmacexp.control.hybrid_kernels import (
     METHODS,

@@ -7,8 +7,7 @@ import pytest
 from support.command import ROOT, cmacexp, python
 from support.doors import compose_config, run_scenario
 from support.manifests import change_manifest
-from support.robot_walks import ROBOT, SHORT
-from support.robots import change
+from support.robots import ROBOT, SHORT, change
 
 from cmacexp.data.integrity import is_finished
 

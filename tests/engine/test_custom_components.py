@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from support.command import call
 from support.controllers import CONTROLLERS
-from support.doors import BadInput, compose_config, make_scenario
+from support.doors import BadInput, compose_config, make_scenario, roll_out
 from support.manifests import change_manifest
-from support.rollout import roll_out
 
 import cmacexp
 from cmacexp.control import Action, HybridController

@@ -3,9 +3,8 @@
 from types import SimpleNamespace
 
 import pytest
-from support.doors import compose_config, compose_untyped, make_scenario
+from support.doors import compose_config, compose_untyped, make_scenario, roll_out
 from support.fields import leaves
-from support.rollout import roll_out
 
 import cmacexp
 from cmacexp.engine import without_effect

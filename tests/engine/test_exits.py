@@ -1,8 +1,7 @@
 """``sys.exit()`` in a component, or an interrupt while results are written: nothing else ends, no result is lost."""
 
 import pytest
-from support.command import python
-from support.sweeps import sweep
+from support.command import python, sweep
 
 import cmacexp
 

@@ -7,11 +7,10 @@ from subprocess import CompletedProcess
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from support.command import call
+from support.command import call, sweep
 from support.damage import BAD_TEXTS, flip
 from support.doors import BadInput, BadRun, collection, read_table, sha256
 from support.manifests import change_manifest
-from support.sweeps import sweep
 
 from cmacexp import load_sweep
 from cmacexp.engine.job_store import JobTables, list_jobs, write_part

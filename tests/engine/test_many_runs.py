@@ -5,9 +5,8 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from support.command import call, python
+from support.command import call, python, sweep, table_of
 from support.doors import BadInput
-from support.sweeps import sweep, table_of
 
 from cmacexp import load_sweep, run, run_many, write_many
 from cmacexp.engine import batch

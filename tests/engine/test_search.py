@@ -4,8 +4,7 @@ import time
 
 import optuna
 import pytest
-from support.command import started
-from support.sweeps import sweep, table_of
+from support.command import started, sweep, table_of
 
 from cmacexp.engine.job_store import list_jobs
 

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from support.command import started
-from support.sweeps import sweep
+from support.command import started, sweep
 
 NODE = Path(__file__).parents[1] / "support" / "slurm_node.sh"
 JOBS = ("scenario=one_leg", "feedforward=none", "warn=false", "record=metrics", "seed=range(8)", "cycles=4000")

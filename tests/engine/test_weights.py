@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from support.doors import compose_config, is_finished, make_scenario
-from support.rollout import roll_out
+from support.doors import compose_config, is_finished, make_scenario, roll_out
 
 import cmacexp
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command import ROOT, python
-from support.doors import compose_config, make_scenario
-from support.rollout import roll_out
+from support.doors import compose_config, make_scenario, roll_out
 
 DIGESTS = Path(__file__).parent / "golden" / "bits.txt"
 SHORT = "gait.cycle_time=0.5 gait.lift=0.11 cycles=2 learning.start_cycle=1"

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from support.doors import make_scenario
-from support.rollout import roll_out
+from support.doors import make_scenario, roll_out
 
 
 @pytest.mark.ci

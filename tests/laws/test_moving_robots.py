@@ -5,10 +5,8 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from support.doors import BadInput, compose_config, make_mechanism, make_scenario
-from support.robot_walks import EXACT, ROBOT, TWO, walk_robot
-from support.robots import OWN
-from support.rollout import roll_out
+from support.doors import BadInput, compose_config, make_mechanism, make_scenario, roll_out
+from support.robots import EXACT, OWN, ROBOT, TWO, walk_robot
 
 pytestmark = pytest.mark.ci
 OWN_ROBOT = (*ROBOT, f"machine.path={OWN}")

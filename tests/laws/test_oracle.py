@@ -2,9 +2,8 @@
 
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import make_scenario
+from support.doors import make_scenario, roll_out
 from support.oracle import simulate
-from support.rollout import roll_out
 
 COLUMNS = (
     "q1", "q2", "dq1", "dq2", "force", "tau_feedback_1", "tau_feedback_2", "tau_feedforward_1", "tau_feedforward_2"

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import make_scenario
-from support.rollout import roll_out
+from support.doors import make_scenario, roll_out
 
 GAIT = "gait.touch_down=[0.5, 0.0, 0.3, 0.8]"
 OTHER_SIDE = [1, 0, 3, 2]

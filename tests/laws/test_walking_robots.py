@@ -6,23 +6,26 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from support.doors import SmallMargin, find_centres, height_at, make_ground, stiffness_at
-from support.robot_walks import (
+from support.robots import (
     EXACT,
     HEAVY,
     ON_MODEL,
+    OWN,
     RIGID,
     ROBOT,
     SHORT,
     TWO,
     UNGUARDED,
+    change,
     find_feet,
     find_foot_error,
     find_torque,
     in_world,
+    needs_models,
     over_last_cycle,
+    read,
     walk_robot,
 )
-from support.robots import OWN, change, needs_models, read
 
 import cmacexp
 

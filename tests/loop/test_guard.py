@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from support.doors import BadInput, make_scenario
-from support.rollout import roll_out
+from support.doors import BadInput, make_scenario, roll_out
 
 import cmacexp
 from cmacexp.loop.guard import Cause, Guard

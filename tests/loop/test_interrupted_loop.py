@@ -4,8 +4,7 @@ import os
 import signal
 
 import pytest
-from support.doors import make_scenario
-from support.rollout import roll_out
+from support.doors import make_scenario, roll_out
 
 from cmacexp.loop import driver
 from cmacexp.loop import run as loop

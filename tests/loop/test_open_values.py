@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from support.doors import make_scenario
-from support.rollout import roll_out
+from support.doors import make_scenario, roll_out
 
 LEG = ("scenario=one_leg", "cmac.addressing=visited", "gait.cycle_time=0.5")
 

@@ -6,9 +6,8 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from support.doors import make_scenario
+from support.doors import make_scenario, roll_out
 from support.loops import make_external
-from support.rollout import roll_out
 
 from cmacexp.loop.stop import FASTEST_JOINT
 

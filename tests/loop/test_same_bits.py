@@ -3,12 +3,10 @@
 from random import Random
 
 import pytest
-from support.doors import RULES, make_scenario
+from support.doors import RULES, make_scenario, roll_out
 from support.loops import require_same_bits, run_both, run_elsewhere
-from support.robot_walks import RIGID, ROBOT
-from support.robot_walks import SHORT as SHORT_ROBOT
-from support.robots import OWN
-from support.rollout import roll_out
+from support.robots import OWN, RIGID, ROBOT
+from support.robots import SHORT as SHORT_ROBOT
 
 from cmacexp.loop.step import step_loop
 

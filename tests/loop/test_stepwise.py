@@ -6,9 +6,8 @@ import pickle
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from support.doors import BadInput, CmacexpError, compose_config, make_scenario
+from support.doors import BadInput, CmacexpError, compose_config, make_scenario, roll_out
 from support.robots import needs_models
-from support.rollout import roll_out
 
 import cmacexp
 

@@ -2,8 +2,15 @@
 
 import numpy as np
 import pytest
-from support.doors import Hook, make_mechanism, make_scenario, new_measurement, new_observation, new_state
-from support.rollout import roll_out
+from support.doors import (
+    Hook,
+    make_mechanism,
+    make_scenario,
+    new_measurement,
+    new_observation,
+    new_state,
+    roll_out,
+)
 
 from cmacexp.loop.step import check
 from cmacexp.loop.stop import (

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.doors import make_scenario
-from support.rollout import roll_out
+from support.doors import make_scenario, roll_out
 
 from cmacexp.control import HybridController
 from cmacexp.loop.builtin import find_external

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pyarrow as pa
 import pytest
+from support.doors import TREND_WINDOW
 
-from cmacexp.metrics.progress import WINDOW, describe_little_progress
+from cmacexp.metrics.progress import describe_little_progress
 
 CYCLES = 30
 
@@ -46,7 +47,9 @@ def make_config(position=100.0, velocity=5.0):
 )
 def test_learning_that_hardly_helps_names_a_likely_cause(config, restless, cause):
     text = describe_little_progress(config, make_scores(0.095, 0.95, restless=restless))
-    assert text.startswith(f"learning hardly helps: transfer error 100 mm in cycle 1, 95 mm in the last {WINDOW}")
+    assert text.startswith(
+        f"learning hardly helps: transfer error 100 mm in cycle 1, 95 mm in the last {TREND_WINDOW}"
+    )
     assert re.search(cause, text)
 
 
@@ -56,7 +59,7 @@ def test_learning_that_hardly_helps_names_a_likely_cause(config, restless, cause
         make_scores(0.01, 0.95),
         make_scores(0.095, 0.1),
         make_scores(0.095, 0.95, share=0.9),
-        make_scores(0.095, 0.95, cycles=WINDOW + 1),
+        make_scores(0.095, 0.95, cycles=TREND_WINDOW + 1),
     ],
     ids=["smaller errors", "less feedback", "a known torque", "too short"],
 )

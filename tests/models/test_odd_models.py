@@ -3,10 +3,8 @@
 import re
 
 import pytest
-from support.doors import BadInput, compose_config, make_scenario
-from support.robot_walks import EXACT, RIGID, ROBOT, TWO
-from support.robots import FREE, OWN, read, turn_frame
-from support.rollout import roll_out
+from support.doors import BadInput, compose_config, make_scenario, roll_out
+from support.robots import EXACT, FREE, OWN, RIGID, ROBOT, TWO, read, turn_frame
 
 from cmacexp.models.robot_search import find_names
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from support.doors import compose_config, make_mechanism
-from support.robot_walks import ROBOT
-from support.robots import OWN
+from support.robots import OWN, ROBOT
 
 from cmacexp.planning import make_plan
 from cmacexp.planning.body import find_pressure, find_sway

@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose
 from support.command import call
 from support.doors import read_shown_model
 from support.recordings import read_rows
-from support.robot_walks import ROBOT, SHORT
-from support.robots import OWN
+from support.robots import OWN, ROBOT, SHORT
 from support.views import FOOT_RADIUS, make_robot, make_walk
 
 

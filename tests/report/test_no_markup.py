@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from support.command import call
+from support.command import call, sweep
 from support.logs import MODEL, simulate_log
 from support.manifests import accept, change_manifest
-from support.sweeps import sweep
 
 import cmacexp
 from cmacexp.report.figures import Panel, Series, draw

@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from support.doors import make_scenario
-from support.robot_walks import ROBOT
-from support.robots import OWN
-from support.rollout import roll_out
+from support.doors import make_scenario, roll_out
+from support.robots import OWN, ROBOT
 
 from cmacexp.sensors import ProprioceptiveSensors
 

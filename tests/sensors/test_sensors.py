@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from support.doors import foot_position, foot_velocity, get_leg, make_scenario, new_measurement, trigonometry
-from support.rollout import roll_out
+from support.doors import (
+    foot_position,
+    foot_velocity,
+    get_leg,
+    make_scenario,
+    new_measurement,
+    roll_out,
+    trigonometry,
+)
 
 from cmacexp.plants import Measurement
 from cmacexp.protocols import SIGNALS

@@ -6,10 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import gaussian_taps, make_scenario
+from support.doors import gaussian_taps, make_scenario, roll_out
 from support.loops import require_same_bits
 from support.robots import needs_models
-from support.rollout import roll_out
 
 from cmacexp.control import Reference
 from cmacexp.feedforward import InverseDynamics
@@ -83,7 +82,7 @@ def test_norm_optimal_solves_its_normal_equations():
 def test_the_regressor_gives_the_inverse_dynamics_and_its_parameters_follow_their_law(of, overrides):
     setup = of(*overrides, "feedforward=none").setup
     regressor = make_regressor(setup)
-    nominal = InverseDynamics(InverseDynamics.Config(1.0, 1.0, 0.0)).compute_torque(setup)
+    nominal = InverseDynamics(InverseDynamics.Config(1.0, 1.0)).compute_torque(setup)
     assert_allclose(regressor[..., :4] @ MODEL, nominal, atol=1e-9)
     gains = make_gains(regressor) / len(regressor)
     eigenvalues = np.linalg.eigvals(gains @ np.einsum("kijp,kijq->ipq", regressor, regressor)).real

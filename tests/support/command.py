@@ -17,6 +17,8 @@ from functools import cache
 from pathlib import Path
 from unittest.mock import patch
 
+import pandas as pd
+
 from cmacexp.entry_points import list_commands
 
 ROOT = Path(__file__).parents[2]
@@ -51,6 +53,16 @@ def call(name: str, *words: object, folder: Path | None = None) -> subprocess.Co
         except SystemExit as end:  # of argparse
             code = end.code
     return subprocess.CompletedProcess(arguments, code, output.getvalue(), errors.getvalue())
+
+
+def sweep(*words: object, folder: Path) -> subprocess.CompletedProcess:
+    """The sweep of these words in ``folder / "s"``."""
+    return call("main", "-m", *words, "hydra.sweep.dir=s", folder=folder)
+
+
+def table_of(folder: Path) -> pd.DataFrame:
+    """The table of that sweep."""
+    return pd.read_parquet(folder / "s" / "sweep.parquet")
 
 
 @cache

@@ -2,8 +2,10 @@
 
 A test imports inner modules of its own room alone, so that a change inside a room changes no test elsewhere
 (``tests/laws/test_house.py``). What it needs of other rooms it takes from ``cmacexp``, from the packages of the rooms
-(``cmacexp.planning``), and from here.
+(``cmacexp.planning``), and from here; so also ``roll_out``, which runs what ``make_scenario`` makes.
 """
+
+from support.rollout import roll_out
 
 from cmacexp.addons.gap.analysis import Gap
 from cmacexp.addons.gap.log import read_log
@@ -49,6 +51,7 @@ from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.mechanism import get_leg, legs_on_stand, legs_under_body
 from cmacexp.models.robot_file import package_models
 from cmacexp.models.robot_gains import derive_basis, derive_gains, recommend_period
+from cmacexp.models.trend import TREND_WINDOW
 from cmacexp.planning.machine import find_centres, make_mechanism
 from cmacexp.plants.as_built import make_ground
 from cmacexp.plants.kernels import new_state

@@ -8,15 +8,13 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from support.doors import make_scenario
-from support.rollout import roll_out
+from support.doors import make_scenario, roll_out
 
 ELSEWHERE = """
 import sys
 import numpy as np
 sys.path.append({tests!r})
-from support.doors import compose_config, make_scenario
-from support.rollout import roll_out
+from support.doors import compose_config, make_scenario, roll_out
 
 run = roll_out(make_scenario(compose_config(sys.argv[2:])))
 np.savez(sys.argv[1], samples=run.samples, body_samples=run.body_samples, status=run.status, cause=run.cause)

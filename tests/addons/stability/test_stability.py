@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from support.robot_walks import ROBOT, SHORT
-from support.robots import OWN
+from support.robots import OWN, ROBOT, SHORT
 
 import cmacexp
 from cmacexp.addons.stability.cycle_map import NotPredictable, list_arrays, make_restorable_loop
