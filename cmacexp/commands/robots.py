@@ -206,7 +206,7 @@ def main(arguments: Arguments) -> None:
     margins = _list_margins(config, overrides)
     print_table(["controller", "period, s", "crossover, Hz", "delay margin, ms", ""], margins)
     limit = format_number(find_sampled_limit(config), "N m s/rad")
-    print_line(f"drives that compute once a command shake from a damping of {limit} on")
+    print_line(f"damping from which drives that compute once a command shake: {limit}")
     torques, lines = _plan_walk(config, robot)
     print_table(["", "unit", *JOINT_NAMES], [*list_joints(robot), *torques])
     for line in lines:

@@ -35,6 +35,16 @@ def test_single_inputs_have_the_bits_of_a_batch_and_a_file_keeps_them(options, t
         assert (each.predict(X[0]) != batch.predict(X[0])).all()
 
 
+def test_without_a_hash_a_network_of_several_outputs_is_one_network_for_each_output():
+    """The paper leaves open if an address has one output or one for each joint: both give the same bits."""
+    together = make_cmac(addressing="visited")
+    together.update(X, ERROR, 0.4)
+    for k in range(3):
+        alone = Cmac([-1.0, 0.0], [1.0, 3.0], 1, 8, 5, addressing="visited")
+        alone.update(X, ERROR[:, [k]], 0.4)
+        assert_array_equal(alone.predict(X)[:, 0], together.predict(X)[:, k])
+
+
 def test_outputs_are_new_arrays_and_follow_weights_that_are_replaced():
     cmac = make_cmac()
     first = cmac.predict([0.0, 1.0])

@@ -235,7 +235,33 @@ def count_peers(folder, tries):
     yield f"peer on cyclonedds {version}", f"{lives} of {tries} live and are heard", ""
 
 
+def count_readings(folder, tries):
+    """Walk with our own robot while one joint after the other is read 0.5 rad too large, in ten states a second."""
+    commanded, received, ends = [], [], []
+    for motor in range(JOINTS.size):
+        domain, log = next(_domains), folder / f"readings_{motor}.parquet"
+        play = ["robot", "--simulate", "--patient", "--fault=leap", f"--domain={domain}", f"--motor={motor}"]
+        robot = subprocess.Popen([sys.executable, "-m", "cmacexp", *play], stdout=subprocess.PIPE, cwd=TREE)
+        robot.stdout.readline()
+        walk = [*WALK[:2], "plant=unitree", *WALK[3:5], "plant.hung=true", f"plant.log={log}", "cycles=5"]
+        patience = ["plant.guardian=2", "plant.limits.silence=9", f"plant.domain={domain}"]
+        run = folder / f"readings_{motor}"
+        subprocess.run([sys.executable, "-m", "cmacexp", *walk, *patience, f"hydra.run.dir={run}"], cwd=TREE)
+        robot.communicate()
+        ends.append(read_end(run))
+        rows = pd.read_parquet(log)
+        commanded.append(rows.filter(regex="^tau_ff_").abs().max(axis=None))
+        received.append(rows.filter(regex="^tau_(?!ff_)").abs().max(axis=None))
+    done = sum(status == "completed" for status, _ in ends)
+    yield (
+        "one joint read 0.5 rad too large",
+        f"{done} of {len(ends)} completed",
+        f"largest torque commanded {max(commanded):.1f} N m, at the motor {max(received):.1f} N m; {set(ends)}",
+    )
+
+
 COUNTS = {
+    "readings": count_readings,
     "peers": count_peers,
     "walks": count_walks,
     "stalls": count_stalls,
