@@ -31,6 +31,7 @@ CONDITIONS: dict[str, Declared] = {
 }
 PERIODS = {"2 ms, by rule": {}, "1 ms, as with the lag": {"sampling_period": 0.001}}
 AS_PLANNED = "as planned"
+SEEDS = {"seed": [*range(8)]}
 SHOWN = [{**POSITION, "limit": "any mm"}, {**FORCE, "limit": "any N"}]
 
 
@@ -52,17 +53,17 @@ STUDY = declare(
     title="Models at their best",
     question="How much of what a learner gains on a Go2 with the joints of a real one does a model gain whose torque "
     "is played earlier by the lag, with as many cycles of data, perfect and onboard sensors, and wrong ground?",
-    common={"seeds": True, "quick": {"cycles": 2}},
+    common={"quick": {"cycles": 2}},
     runs=[
         {"set": {**LAGGING, **gait}, "labels": {"gait": name, "condition": AS_PLANNED, "period": "by rule"},
-         "over": {"kind": KINDS}}
+         "over": {"kind": KINDS, **SEEDS}}
         for name, gait in GAITS.items()
     ] + [
         {"set": {**LAGGING, **GAITS["trot"]}, "labels": {"gait": "trot", "period": "by rule"},
-         "over": {"condition": CONDITIONS, "kind": {kind: KINDS[kind] for kind in (IDENTIFIED, CMAC)}}},
+         "over": {"condition": CONDITIONS, "kind": {kind: KINDS[kind] for kind in (IDENTIFIED, CMAC)}, **SEEDS}},
     ] + [
         {"set": WALK, "labels": {"gait": "crawl", "condition": "no lag"},
-         "over": {"period": PERIODS, "kind": {"feedback only": ALONE}}},
+         "over": {"period": PERIODS, "kind": {"feedback only": ALONE}, **SEEDS}},
     ],
     findings={
         "walks_{gait}": {

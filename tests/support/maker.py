@@ -240,10 +240,25 @@ def count_readings(folder, tries):
     commanded, received, ends = [], [], []
     for motor in range(JOINTS.size):
         domain, log = next(_domains), folder / f"readings_{motor}.parquet"
-        play = ["robot", "--simulate", "--patient", "--fault=leap", f"--domain={domain}", f"--motor={motor}"]
+        play = [
+            "robot",
+            "--simulate",
+            "--patient",
+            "--fault=leap",
+            "--after=1",
+            f"--domain={domain}",
+            f"--motor={motor}",
+        ]
         robot = subprocess.Popen([sys.executable, "-m", "cmacexp", *play], stdout=subprocess.PIPE, cwd=TREE)
         robot.stdout.readline()
-        walk = [*WALK[:2], "plant=unitree", *WALK[3:5], "plant.hung=true", f"plant.log={log}", "cycles=5"]
+        walk = [
+            *WALK[:2],
+            "plant=unitree",
+            "controller=drives",
+            "actuator.lag=0.0151",
+            f"plant.log={log}",
+            "cycles=5",
+        ]
         patience = ["plant.guardian=2", "plant.limits.silence=9", f"plant.domain={domain}"]
         run = folder / f"readings_{motor}"
         subprocess.run([sys.executable, "-m", "cmacexp", *walk, *patience, f"hydra.run.dir={run}"], cwd=TREE)
