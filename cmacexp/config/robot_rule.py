@@ -23,10 +23,12 @@ from cmacexp.models.robot_gains import (
     PERIOD_WITHOUT_ROTORS,
     ROTOR_INERTIA,
     Basis,
+    Contact,
     DriveGains,
     Gains,
     Sampling,
     derive_basis,
+    derive_contact,
     derive_drive_gains,
     derive_gains,
     make_sampling,
@@ -64,14 +66,14 @@ DIGITS = 6
 def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
     """Compute the value of ``${rule:NAME}`` for the config ``_root_``.
 
-    ``name`` is one of :data:`PERIODS`, :data:`STRIDE` or :data:`FOUND`, or a field of :class:`Basis`,
-    :class:`Gains` or :class:`DriveGains`. Raises BadInput if there is no such name, the machine is no robot, or the
+    ``name`` is one of :data:`PERIODS`, :data:`STRIDE` or :data:`FOUND`, or a field of :class:`Basis`, :class:`Gains`,
+    :class:`DriveGains` or :class:`Contact`. Raises BadInput if there is no such name, the machine is no robot, or the
     rule does not apply to it.
     """
     if name in STRIDE:
         return STRIDE[name](_root_)
-    derived = (*PERIODS, *STRIDE, *FOUND, *Basis._fields, *Gains._fields, *DriveGains._fields)
-    require_name("${rule:...}", name, derived)
+    of_model = (field for kind in (Basis, Gains, DriveGains, Contact) for field in kind._fields)
+    require_name("${rule:...}", name, (*PERIODS, *STRIDE, *FOUND, *of_model))
     if name in FOUND:
         value = vars(read_machine(_root_))[name]
         return OmegaConf.create(value) if isinstance(value, list) else value
@@ -82,6 +84,8 @@ def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
         value = min(value, PERIODS[name], math.inf if robot.armature.any() else PERIOD_WITHOUT_ROTORS)
     elif name in DriveGains._fields:
         value = derive_drive_gains(robot, _read_sampling(_root_))._asdict()[name]
+    elif name in Contact._fields:
+        value = derive_contact(basis, _read_number(_root_, PERIOD))._asdict()[name]
     else:
         gains = basis if name in Basis._fields else _derive_gains(basis, _root_)
         value = gains._asdict()[name]

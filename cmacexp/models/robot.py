@@ -27,7 +27,7 @@ from cmacexp.models.robot_legs import (
     require_names,
     torque_limits,
 )
-from cmacexp.models.robot_spec import is_urdf, read_spec, require_own_forces, set_run_options
+from cmacexp.models.robot_spec import read_spec, require_own_forces, set_run_options
 from cmacexp.typing import Array, Counts
 
 Names = tuple[tuple[str, ...], ...]
@@ -311,7 +311,11 @@ def _read(
     points = np.concatenate([data.xanchor[joint[0]], data.geom_xpos[foot[:1]]])
     _, length_1, length_2 = np.linalg.norm(np.diff(points, axis=0), axis=1)
     require_sizes(path, model, legs, length_1 + length_2)
-    limits = torque_limits(mujoco, model, joint, needs_motor=not is_urdf(path))
+    limits = torque_limits(mujoco, model, joint)
+    if np.isinf(limits).any():
+        notes += ("joints without a torque limit: give them an effort, or an actuator with a range",)
+    if (model.jnt_stiffness[joint] > 0.0).any():
+        notes += ("joints with springs, which planner and gains do not count: it may fall",)
     set_posture(model, data, joint, np.zeros(JOINTS))
     limited = model.jnt_limited[joint].astype(bool)[..., None]
     return Robot(

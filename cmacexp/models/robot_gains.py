@@ -103,6 +103,21 @@ class Gains(NamedTuple):
     """V_fn, m/(N s)."""
 
 
+class Contact(NamedTuple):
+    """Spring and damper that hold a sticking foot on elastic ground."""
+
+    friction_stiffness: float
+    """Stiffness, N/m."""
+    friction_damping: float
+    """Damping, N s/m."""
+
+
+STIFFEST = Contact(10_000.0, 50.0)
+"""Largest values, for all but light feet: a quadruped of 2 kg fell on them, and walks with those by rule."""
+STIFF_SHARE, DAMPED_SHARE = 0.3, 0.6
+"""Largest k T^2 / m_f and c T / m_f of the spring k and the damper c, integrated with the sampling period T."""
+
+
 class DriveGains(NamedTuple):
     """Gains of drives that close their own loops."""
 
@@ -222,6 +237,14 @@ def find_joint_margin(robot: Robot, gains: DriveGains, lag: float) -> Margin:
     ``lag`` is the time constant of its torque, s.
     """
     return find_drive_margin(_find_least_inertia(robot), *gains, lag)
+
+
+def derive_contact(basis: Basis, period: float) -> Contact:
+    """Derive spring and damper of a sticking foot for a sampling ``period``, s."""
+    return Contact(
+        min(STIFFEST.friction_stiffness, STIFF_SHARE * basis.foot_mass / period**2),
+        min(STIFFEST.friction_damping, DAMPED_SHARE * basis.foot_mass / period),
+    )
 
 
 def choose_feedback(loop_delay: LoopDelay, period: float) -> float:

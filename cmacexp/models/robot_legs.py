@@ -188,23 +188,23 @@ def require_frame(hips: Array, feet: Sequence[str]) -> None:
     require(min(cosines) >= LEAST_COSINE, "machine.feet", ", ".join(feet), allowed)
 
 
-def torque_limits(mujoco: Any, model: Any, joints: Counts, needs_motor: bool) -> Array:
+def torque_limits(mujoco: Any, model: Any, joints: Counts) -> Array:
     """Return torque limits (3,) of hip, thigh and calf, the least of all legs, N m; infinite without a limit.
 
-    With ``needs_motor`` a joint without actuator and limit raises BadInput; a URDF has no actuators. A joint whose
-    actuator gives no torque always raises BadInput.
+    Raises BadInput for a joint without actuator and limit in a model that has actuators, and for one whose actuator
+    gives no torque.
     """
-    limits = [_torque_limit(mujoco, model, int(joint), needs_motor) for joint in joints.ravel()]
+    limits = [_torque_limit(mujoco, model, int(joint)) for joint in joints.ravel()]
     return np.reshape(limits, joints.shape).min(axis=0)
 
 
-def _torque_limit(mujoco: Any, model: Any, joint: int, needs_motor: bool) -> float:
+def _torque_limit(mujoco: Any, model: Any, joint: int) -> float:
     """Return the least torque limit of a joint and of its actuators, N m."""
     name = model.joint(joint).name
     at_joint = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_trnid[:, 0] == joint)
     actuators = np.flatnonzero(at_joint)
     limits = [_to_both_sides(model.jnt_actfrcrange[joint])] if model.jnt_actfrclimited[joint] else []
-    is_driven = len(actuators) or limits or not needs_motor
+    is_driven = len(actuators) or limits or not model.nu  # a URDF has no actuators
     require(is_driven, "machine.joints", name, "has no actuator in the model; give it a motor: <motor joint=.../>")
     for k in actuators:
         gear = abs(model.actuator_gear[k, 0])

@@ -142,9 +142,11 @@ def _find_chains(mujoco: Any, path: Path, model: Any, weld: Sequence[str]) -> li
     legs = [chain[:JOINTS] for chain in legs]
     moving = sorted({k for k, kind in enumerate(kinds) if kind != free} - {*itertools.chain(*legs)})
     names = [model.joint(k).name for k in moving]
-    all_held = ",".join([*weld, *names])
-    reason = f"has joints besides the three of each leg: hold them by machine.weld=[{all_held}]"
-    require(not moving, "machine.path", path, reason)
+    cure = f"hold them by machine.weld=[{','.join([*weld, *names])}]"
+    if not all(names):
+        listed = ", ".join(_describe(mujoco, model, k) for k in moving)
+        cure = f"{listed}: name them to hold them by machine.weld, or use <freejoint/> for a trunk that moves"
+    require(not moving, "machine.path", path, f"has joints besides the three of each leg: {cure}")
     return legs
 
 
@@ -169,7 +171,10 @@ def _find_foot(mujoco: Any, model: Any, data: Any, leg: list[int]) -> tuple[str,
     body = max(fixed, key=lambda k: float(np.linalg.norm(data.xpos[k] - knee)))
     shapes = np.flatnonzero(model.geom_bodyid == body)
     points = data.geom_xpos[shapes] if body == calf and len(shapes) else data.xpos[[body]]
-    return model.body(body).name, points[np.argmax(np.linalg.norm(points - knee, axis=1))].copy()
+    away = np.linalg.norm(points - knee, axis=1)
+    allowed = "must have a geometry, a site or a fixed body at its end, which is the foot"
+    require(away.max() > 0.0, "machine.feet", model.body(calf).name, allowed)
+    return model.body(body).name, points[np.argmax(away)].copy()
 
 
 class _Leg(NamedTuple):

@@ -75,7 +75,12 @@ ODD = {
         (),
         r"machine\.joints=FL_hip_joint: has a motor without torque",
     ),
-    "no motors": ([(MOTORS, "")], (), r"machine\.joints=FL_hip_joint: has no actuator in the model"),
+    "no motors": ([(MOTORS, "")], (), WALKS),
+    "some motors": (
+        [(MOTORS, "<actuator><motor joint='FR_calf_joint'/></actuator>")],
+        (),
+        r"machine\.joints=FL_hip_joint: has no actuator in the model",
+    ),
     "limits of joints alone": (
         [(MOTORS, ""), ('<joint armature="0.01"', '<joint armature="0.01" actuatorfrcrange="-40 40"')],
         (),

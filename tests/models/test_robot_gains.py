@@ -14,6 +14,7 @@ from cmacexp.models.robot_gains import (
     RECOMMENDED,
     choose_feedback,
     derive_basis,
+    derive_contact,
     derive_drive_gains,
     derive_gains,
     find_critical_damping,
@@ -34,6 +35,14 @@ def test_the_margin_of_delay_ends_where_feedback_is_unstable():
         find_delay_margin(foot_mass, gain, lead_gain, period, LoopDelay(2))
     most = MOST_SHARE * LoopDelay(1).find_critical_gain(period) / 0.5
     assert find_delay_margin(foot_mass, 0.99 * most * gain, lead_gain, period, LoopDelay(1)).delay > period
+
+
+def test_feet_are_held_as_ever_but_those_so_light_that_a_sampling_period_is_too_long():
+    basis = derive_basis(read())
+    assert derive_contact(basis, 0.002) == (10_000.0, 50.0)
+    stiffness, damping = derive_contact(basis._replace(foot_mass=0.1 * basis.foot_mass), 0.002)
+    assert stiffness < 10_000.0
+    assert damping < 50.0
 
 
 @pytest.mark.parametrize(("period", "least"), [(0.001, 0.004), (0.002, 0.017), (0.004, 0.02), (0.0005, 0.002)])

@@ -34,6 +34,8 @@ WALK = [
 GAITS = {"crawl": [], "trot": ["gait=trot", "gait.speed=0.4"]}
 LEARNERS = {"feedback only": ["feedforward=none"], "learning": []}
 STALLS = (20, 50, 100, 200, 500)
+ALIGNED = 200
+"""Samples by which a trace is found in the recording of the simulator."""
 _domains = iter(range(40 + os.getpid() % 100, 230))
 
 
@@ -87,16 +89,18 @@ def measure(folder, truth):
     """Foot error, mm, and force error, N, estimated and true, in the last cycle."""
     trace = pd.read_parquet(folder / "trace.parquet")
     simulated = np.load(truth)
-    true, forces, at = simulated["q"], simulated["force"], 0
+    true = simulated["q"][:, JOINTS]
+    forces = simulated["force"][:, JOINTS[:, 0] // 3]
     angles = np.stack([trace[f"q{n}"].to_numpy().reshape(-1, 4) for n in (1, 2, 3)], axis=2)
     desired, estimated, support, cycle = (
         trace[name].to_numpy().reshape(-1, 4) for name in ("force_desired", "force", "phase", "cycle")
     )
     actual = np.zeros_like(desired)
+    starts = range(len(true) - ALIGNED)
+    at = min(starts, key=lambda row: np.abs(true[row : row + ALIGNED] - angles[:ALIGNED]).mean())
     for step, q in enumerate(angles):
-        ahead = true[at : at + 400][:, JOINTS]
-        at += int(np.abs(ahead - q).max(axis=(1, 2)).argmin())
-        actual[step] = forces[at][JOINTS[:, 0] // 3]
+        at += int(np.abs(true[at : at + 20] - q).max(axis=(1, 2)).argmin())
+        actual[step] = forces[at]
     x, y = (trace[f"{axis}"].to_numpy() - trace[f"{axis}_desired"].to_numpy() for axis in ("x", "y"))
     foot = np.hypot(x, y).reshape(-1, 4)
     last = cycle == cycle.max()
@@ -240,15 +244,7 @@ def count_readings(folder, tries):
     commanded, received, ends = [], [], []
     for motor in range(JOINTS.size):
         domain, log = next(_domains), folder / f"readings_{motor}.parquet"
-        play = [
-            "robot",
-            "--simulate",
-            "--patient",
-            "--fault=leap",
-            "--after=1",
-            f"--domain={domain}",
-            f"--motor={motor}",
-        ]
+        play = ["robot", "--simulate", "--fault=leap", "--after=1", f"--domain={domain}", f"--motor={motor}"]
         robot = subprocess.Popen([sys.executable, "-m", "cmacexp", *play], stdout=subprocess.PIPE, cwd=TREE)
         robot.stdout.readline()
         walk = [
@@ -256,12 +252,12 @@ def count_readings(folder, tries):
             "plant=unitree",
             "controller=drives",
             "actuator.lag=0.0151",
-            f"plant.log={log}",
             "cycles=5",
+            f"plant.log={log}",
         ]
-        patience = ["plant.guardian=2", "plant.limits.silence=9", f"plant.domain={domain}"]
         run = folder / f"readings_{motor}"
-        subprocess.run([sys.executable, "-m", "cmacexp", *walk, *patience, f"hydra.run.dir={run}"], cwd=TREE)
+        command = [sys.executable, "-m", "cmacexp", *walk, f"plant.domain={domain}", f"hydra.run.dir={run}"]
+        subprocess.run(command, cwd=TREE, stderr=subprocess.DEVNULL)
         robot.communicate()
         ends.append(read_end(run))
         rows = pd.read_parquet(log)

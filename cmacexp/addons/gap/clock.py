@@ -29,6 +29,7 @@ def regularise(log: Log) -> Log:
 
     Raises BadInput if the rate is that of no robot, if time runs backwards often, or if values are missing for long.
     """
+    rows = len(log.time)
     order = np.flatnonzero(np.isfinite(log.time))
     log = _choose(log, order, "without a time")
     back = np.count_nonzero(np.diff(log.time) < 0.0)
@@ -44,7 +45,10 @@ def regularise(log: Log) -> Log:
     log = _choose(
         log, np.flatnonzero(np.diff(log.time, prepend=-np.inf) > 0.0), "with the time of the row before them"
     )
-    require(len(log.time) > 2, KEY, log.path, f"has {len(log.time)} rows with different times: too short")
+    distinct = (
+        f"has {len(log.time)} different times in {rows} rows: too short, or the times have too few digits: --rate HZ"
+    )
+    require(len(log.time) > 2, KEY, log.path, distinct)
     require(
         RATES[0] <= 1.0 / log.period <= RATES[1],
         KEY,

@@ -87,10 +87,11 @@ def check(problem: Problem, regression: Regression, accepted: Collection[str] = 
     Faults of a kind of KINDS in ``accepted`` are notes. Raises BadInput with all other faults in one line.
     """
     log = problem.signals.log
-    unexplained = list_unexplained(problem, regression)
+    implausible = list_unexplained(problem, regression)
+    unexplained = implausible if log.has_drives else set(range(len(log.joints)))
     faults = [] if log.command is None else list(_check_pairs(log, log.command, unexplained))
     for j in range(len(log.joints)):
-        faults += _check_angle(log, problem.machine, j, log.has_drives and j in unexplained)
+        faults += _check_angle(log, problem.machine, j, j in implausible)
     faults += _check_lost_rows(log)
     if log.torque is not None and log.has_drives:
         faults += _check_torque(log, log.torque)
@@ -115,9 +116,11 @@ def _refuse(log: Log, faults: list[Fault]) -> Unfit:
     text = "; ".join(f"{alike[0].text}{more[kind]}" for kind, alike in by_kind.items())
     listed = " ".join(f"{option} {','.join(values)}" for option, values in options.items())
     kinds = ",".join(by_kind)
-    return Unfit(
-        KEY, log.path, f"{text}; if so, go on with {listed}; if the log is right, with --accept {kinds}", options
-    )
+    advice = f"if so, go on with {listed}; if the log is right, with --accept {kinds}"
+    if len(options.get("--leave-out", ())) == len(log.joints):
+        advice = f"this is so of all joints: take a longer log, or go on with --accept {kinds}"
+        options = {"--accept": [*by_kind]}
+    return Unfit(KEY, log.path, f"{text}; {advice}", options)
 
 
 def check_values(log: Log) -> None:

@@ -325,11 +325,9 @@ class _Table:
             if joints := self._match(pattern, "angle"):
                 return joints
         tried = " or ".join(self.patterns["angle"])
-        raise BadInput(
-            KEY,
-            self.path,
-            f"has no measured angles under {tried}; name them, --names angle=NAME_{JOINT}; it has {self._list()}",
-        )
+        has_header = not all(name.isdigit() for name in self.columns)
+        cure = f"name them, --names angle=NAME_{JOINT}" if has_header else "number them, --names time=1,angle=2-3"
+        raise BadInput(KEY, self.path, f"has no measured angles under {tried}; {cure}; it has {self._list()}")
 
     def _match(self, pattern: str, quantity: str) -> list[str]:
         """Return the joints of the columns that match the ``pattern`` of a quantity.

@@ -243,7 +243,8 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str,
             len(close) == 1,
             "joint of the log",
             name,
-            f"{what}; say --joints {name}=JOINT, with a joint of {', '.join(joints) or 'which it has none'}",
+            f"{what}; say --joints {name}=JOINT, with a joint of {', '.join(joints) or 'which it has none'}, "
+            f"or --leave-out {name}",
         )
         matched += close
     for joint in matched:

@@ -97,7 +97,7 @@ def list_unexplained(problem: Problem, regression: Regression) -> set[int]:
     log = problem.signals.log
     gravity = regression.weights[:, 0]
     offset = regression.weights[:, 3]
-    plausible = (regression.left <= MOST_LEFT) & (DELAYS[0] <= regression.delay <= DELAYS[1]) & log.has_drives
+    plausible = (regression.left <= MOST_LEFT) & (DELAYS[0] <= regression.delay <= DELAYS[1])
     plausible &= ~regression.is_certain | ((gravity >= GRAVITY[0]) & (gravity <= GRAVITY[1]))
     plausible &= ~regression.has_negative_friction(log) & (np.abs(offset) <= problem.signals.torque.std(axis=0))
     return set(np.flatnonzero(~plausible).tolist())

@@ -50,6 +50,12 @@ def choose(rows, restamp=False):
     return damage
 
 
+def with_torque_alone(log):
+    """A log with the torques that its gains give, instead of these."""
+    torque = log.kp * (log.command - log.angle) - log.kd * np.gradient(log.angle, PERIOD, axis=0)
+    return replace(log, torque=torque, kp=np.full(2, np.nan), kd=np.full(2, np.nan))
+
+
 def exchange(*keys):
     return lambda log: replace(log, **{key: getattr(log, key)[:, ::-1].copy() for key in keys})
 
@@ -71,6 +77,10 @@ FAULTS = {
         lambda log: change("command", None, DEGREES)(change("angle", None, DEGREES)(log)),
         "--units angle=deg,command=deg",
     ),
+    "all in degrees, and no gains": (
+        lambda log: change("command", None, DEGREES)(change("angle", None, DEGREES)(with_torque_alone(log))),
+        "--units angle=deg,command=deg",
+    ),
     "sign": (change("angle", 0, -1.0), "q_hip moves -0.895 times as far as q_des_hip"),
     "scale": (change("angle", 0, 2.0), "times as far as q_des_hip"),
     "zero": (change("angle", 0, 1.0, 0.5), "their zeros differ"),
@@ -78,7 +88,7 @@ FAULTS = {
     "frozen": (put(slice(400, 520), lambda own: own[0]), "frozen encoder"),
     "clipped": (put(slice(None), lambda own: np.minimum(own, 0.45)), "clipped at 0.45"),
     "outlier": (put([600], lambda own: own + 0.3), "jumps at row 600"),
-    "at rest": (choose(lambda rows: rows[:210]), "identifies neither"),
+    "at rest": (choose(lambda rows: rows[:210]), "identifies neither.*of all joints: take a longer log"),
     "torque": (lambda log: replace(log, torque=log.kp * (log.angle - log.command)), "what the gains give"),
     "late commands": (lambda log: replace(log, command=np.roll(log.command, -6, 0)), "are shifted"),
     "gains": (lambda log: replace(log, kp=3.0 * log.kp, kd=3.0 * log.kd), "gains .--kp., units of torque"),
