@@ -21,7 +21,17 @@ MODEL = Path(__file__).parents[1] / "tests" / "support" / "robot.xml"
 ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={MODEL}")
 NEEDS = {name: ["controller=drives"] for name in ("unitree", "unitree_mujoco")}
 """Overrides that an option needs in addition to a robot."""
-OF_ROBOTS = ("walk", "amble", "trot", "pace", "mujoco_robot_rigid", "drives", "proprioceptive", *NEEDS)
+OF_ROBOTS = (
+    "walk",
+    "amble",
+    "trot",
+    "pace",
+    "mujoco_robot",
+    "mujoco_robot_rigid",
+    "drives",
+    "proprioceptive",
+    *NEEDS,
+)
 """Options that only robots can have."""
 GROUPS = [
     name for name, kind in Config.__annotations__.items() if kind is not str and (config_folder() / name).is_dir()
