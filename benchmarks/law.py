@@ -20,9 +20,9 @@ from cmacexp.addons.export.c_law import compute_feet, describe_law
 from cmacexp.addons.export.network import keep_rows, list_path_rows, read_final_config, read_learnt
 from cmacexp.loop.builtin import make_guard
 from cmacexp.loop.driver import Driver
+from cmacexp.loop.parts import Loop
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.loop.step import Loop
 from cmacexp.loop.stop import RUNNING
 from cmacexp.planning import Setup
 from cmacexp.plants import Measurement

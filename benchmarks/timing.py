@@ -18,6 +18,8 @@ from typing import NamedTuple
 
 from cmacexp.config import Config
 from cmacexp.config.compose import compose_config
+from cmacexp.loop import run_cycles
+from cmacexp.loop.scenario import Scenario
 
 ROOT = Path(__file__).parents[1]
 Times = dict[str, list[float]]
@@ -75,6 +77,12 @@ def compared(
     """Return the row that compares ``name`` with ``base``; the benchmark fails if the ratio exceeds ``limit``."""
     other = f"{against}: {format_time(min(times[base]))}"
     return Row(what, format_time(min(times[name])), other, ratio(times, name, base), target, limit)
+
+
+def time_step(scenario: Scenario) -> float:
+    """Run ``scenario`` in memory and return the time of the loop per step, s."""
+    steps = sum(len(trace.table) for trace in run_cycles(scenario)) // scenario.setup.config.legs
+    return scenario.end.rollout_seconds / steps
 
 
 def stopwatch(work: Callable[[], object]) -> Callable[[], float]:

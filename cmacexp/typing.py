@@ -41,11 +41,6 @@ Clock = Annotated[Array, CLOCK]
 Scratch = Annotated[Array, SCRATCH]
 """Values that every step computes before it reads them."""
 
-KernelParts = Mapping[str, Any]
-"""Parameters and states with which compiled code runs a component, by field of :class:`cmacexp.loop.step.Loop`.
-
-The method ``kernel_parts()`` of the component returns them after its reset.
-"""
 Weights = Mapping[str, NDArray[Any]]
 """Learned weights of a feedforward and the parameters of their addressing: arrays by name."""
 

@@ -15,7 +15,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -142,9 +142,14 @@ class PublishedResults:
         differ = [f"model of {name}" for name, old in models.items() if find_model_hash(name) not in ("", old)]
         return State(CHANGED if changed or differ else CURRENT, study["date"], [*changed, *differ])
 
+    @cached_property
+    def _package(self) -> dict[str, str]:
+        """Digests of the present files of the package."""
+        return digest_package()
+
     def _list_changed(self, digests: Mapping[str, Any]) -> list[str]:
         """List the files of the package and of a study that differ from stored digests."""
-        package = list_changed(self.code[digests["code"]], digest_package())
+        package = list_changed(self.code[digests["code"]], self._package)
         return [*package, *list_changed(digests["own"], _digest_own(digests["own"]))]
 
 

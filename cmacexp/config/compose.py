@@ -32,7 +32,6 @@ _PLAIN = re.compile(rf"([a-z]\w*(?:\.\w+)*)=({_VALUE}|\[{_VALUE}(?:, ?{_VALUE})*
 """An override that sets a number, a word in lower case, or a list of these: key and value."""
 
 
-@lru_cache(4096)
 def parse_override(override: str) -> Any:
     """Parse an override with Hydra."""
     from hydra.core.override_parser.overrides_parser import OverridesParser

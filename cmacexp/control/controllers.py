@@ -30,7 +30,7 @@ from cmacexp.protocols import Action, Drive, Feedforward, HasEstimator, Measurem
 from cmacexp.sensors.config import RealSensorsConfig
 from cmacexp.sensors.kernels import Observation
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig
-from cmacexp.typing import Array, KernelParts
+from cmacexp.typing import Array
 
 
 class HybridController:
@@ -80,10 +80,6 @@ class HybridController:
         self.state = new_hybrid_state(*setup.mechanism.shape)
         self.kinematics = np.zeros((setup.mechanism.shape[0], KINEMATICS_FIELDS[setup.mechanism.axes]))
         self.feedforward = feedforward
-
-    def kernel_parts(self) -> KernelParts:
-        """Return the parameters and the state of the controller."""
-        return {"control": self.params, "control_state": self.state}
 
     @property
     def force_trusted(self) -> Array:
@@ -192,10 +188,6 @@ class DriveController:
         self.command = np.zeros((6, legs, joints))
         self.kinematics = np.full((legs, KINEMATICS_FIELDS[setup.mechanism.axes]), math.nan)
         self.feedforward = feedforward
-
-    def kernel_parts(self) -> KernelParts:
-        """Return the parameters and the state of the controller."""
-        return {"control": self.params, "control_state": self.state}
 
     def act(self, reference: Reference, measurement: Measurement) -> Action:
         """Compute the drive command of this step, and feedforward trained by the learning error of the last step.

@@ -18,7 +18,6 @@ from cmacexp.data.tables import (
     WEIGHTS,
 )
 from cmacexp.errors import BadRun
-from cmacexp.jit.sources import code_hash
 from cmacexp.typing import RESULTS
 
 DERIVED_FILES = (METRICS_CSV, RECORDING_FILE)
@@ -36,7 +35,7 @@ def compute_hashes(config: Config, *components: object) -> dict[str, str | None]
     start = config.learning.start_from
     weights = Path(start) / WEIGHTS if start is not None else None
     return {
-        "code_hash": code_hash(),
+        "code_hash": manifests.read_environment().code_hash,
         "custom_code": custom_code_hash(config, *components),
         "start_weights": manifests.current_hash(weights) if weights and weights.is_file() else None,
         "model_hash": read_model(machine).model_hash if isinstance(machine, RobotMachine) else None,

@@ -24,6 +24,7 @@ from cmacexp.data.manifest_fields import SWEEP as SWEEP
 from cmacexp.data.manifest_fields import RunManifest, complete
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput, BadRun, require
+from cmacexp.jit.sources import RESULT_ROOMS, sources_hash
 from cmacexp.models.robot_file import DISTRIBUTION
 
 MANIFEST = "manifest.json"
@@ -45,6 +46,8 @@ class Environment(NamedTuple):
     """Versions of this package, of Python, and of the installed :data:`PACKAGES`, by name."""
     git_commit: str | None
     """Commit of the Git checkout that contains this code; None if it is installed."""
+    code_hash: str
+    """Hash of all code of this package that can change the result of a run."""
 
 
 @cache
@@ -54,7 +57,7 @@ def read_environment() -> Environment:
     for package in PACKAGES:
         with suppress(PackageNotFoundError):
             versions[package] = version(package)
-    return Environment(versions, _find_commit())
+    return Environment(versions, _find_commit(), sources_hash(RESULT_ROOMS))
 
 
 def _find_commit() -> str | None:

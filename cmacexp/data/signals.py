@@ -6,7 +6,6 @@ exchange and ``docs/files.md`` are derived from it.
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import pyarrow as pa
 
@@ -244,7 +243,6 @@ def list_array_units() -> dict[str, str]:
     return {array: unit[0] if len(set(unit)) == 1 else ", ".join(unit) for array, unit in columns.items()}
 
 
-@cache
 def make_schema(signals: Sequence[Signal]) -> pa.Schema:
     """Make the Arrow schema of signals, with unit and meaning in the metadata of each field."""
     return pa.schema([pa.field(s.name, s.type, metadata={"unit": s.unit, "meaning": s.meaning}) for s in signals])

@@ -31,7 +31,7 @@ from cmacexp.feedforward.kernels import (
     make_room,
 )
 from cmacexp.planning.plan import Reference, Setup
-from cmacexp.typing import Array, Cells, KernelParts, Weights
+from cmacexp.typing import Array, Cells, Weights
 
 NO_SMOOTHING = Smoothing(np.zeros(0), np.zeros(1))
 """Filter without taps: weights are not filtered."""
@@ -77,10 +77,6 @@ class BuiltInFeedforward(ABC):
             "rows": np.broadcast_to(np.array([float(use.rows) for use in uses]), log.shape[:2]),
             "cells_colliding": np.broadcast_to(colliding, log.shape[:2]),
         }
-
-    def kernel_parts(self) -> KernelParts:
-        """Return the parameters of the feedforward."""
-        return {"feedforward": self.params}
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
         """Learn from the feedback of the last step (L, J), N m; return the torque of this step (L, J), N m."""

@@ -33,12 +33,6 @@ def sources_hash(rooms: Sequence[str]) -> str:
 
 
 @cache
-def code_hash() -> str:
-    """Return the hash of all code that can change the result of a run of built-in components."""
-    return sources_hash(RESULT_ROOMS)
-
-
-@cache
 def cache_folder() -> Path:
     """Return the folder for machine code of the present sources: in the user's cache, else a temporary folder.
 

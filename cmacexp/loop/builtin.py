@@ -14,13 +14,13 @@ from cmacexp.control.hybrid_kernels import new_hybrid_state
 from cmacexp.control.load_meter import new_load_meter
 from cmacexp.errors import require
 from cmacexp.feedforward import Learns, Plays
-from cmacexp.feedforward.kernels import TABLE
+from cmacexp.feedforward.kernels import TABLE, FeedforwardParams
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.loop.guard import Guard
+from cmacexp.loop.parts import ControlPart, Loop, LoopPlan, PlantPart, SensorPart, Torques
 from cmacexp.loop.probe import FIRST_LEARNING
 from cmacexp.loop.saved_weights import CustomWeights, NetworkWeights, SavedWeights
 from cmacexp.loop.scenario import Scenario
-from cmacexp.loop.step import Loop, Torques
 from cmacexp.loop.stop import new_limits
 from cmacexp.planning.stability import STABILITY
 from cmacexp.plants.analytic import AnalyticPlant
@@ -28,13 +28,13 @@ from cmacexp.plants.as_built import AsBuiltConfig
 from cmacexp.plants.drives import BusConfig, Drives, new_drives
 from cmacexp.plants.kernels import new_state
 from cmacexp.plants.mujoco_leg import MujocoLeg
+from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
 from cmacexp.plants.mujoco_robot import MujocoRobot
 from cmacexp.protocols import TRAVEL, SendsDrives, TakesDrives, get_state, offers
 from cmacexp.sensors import PerfectSensors, ProprioceptiveSensors, RealSensors
 from cmacexp.sensors.estimator import Proprioception
 from cmacexp.sensors.kernels import Observation, new_observation
-from cmacexp.typing import KernelParts
 
 BUILT_IN = "needs feedforward=cmac, rbf or ilc, and the built-in controller"
 
@@ -79,8 +79,59 @@ def find_external(scenario: Scenario) -> External:
     return External(plant, sensors, controller, feedforward=not controller and not is_built_in)
 
 
-def _get_parts(component: Any) -> KernelParts:
-    return component.kernel_parts()  # type: ignore[no-any-return]
+def _make_plant_part(scenario: Scenario, external: External) -> PlantPart:
+    plant = scenario.plant
+    if not external.plant and isinstance(plant, AnalyticPlant):
+        return PlantPart(plant.state, plant.params)
+    if not external.plant and isinstance(plant, MujocoPlant):
+        return PlantPart(plant.state, plant.engine, plant.engine.travel, plant.signals)
+    mechanism = scenario.setup.mechanism
+    first = copy.deepcopy(scenario.first)
+    state = new_state(mechanism.shape[0], mechanism.axes)
+    for values, start in zip(get_state(state), get_state(first), strict=True):
+        values[...] = start
+    return PlantPart(state, travel=first.travel, signals=first.signals)
+
+
+def _make_sensor_part(scenario: Scenario, external: External, plant: PlantPart) -> SensorPart:
+    """Make the part of the sensors; raises BadInput if they need signals that the plant does not have."""
+    sensors = scenario.sensors
+    if external.sensors:
+        mechanism = scenario.setup.mechanism
+        observation = new_observation(mechanism.shape[0], mechanism.axes)
+        return SensorPart(observation._replace(travel=copy.copy(plant.travel)))
+    if isinstance(sensors, ProprioceptiveSensors):
+        need = "needs a plant that gives RobotSignals; use plant=mujoco_robot"
+        require(plant.signals is not None, "sensors", "proprioceptive", need)
+        part = SensorPart(sensors.observation, Proprioception(sensors.sensing, sensors.estimator))
+    elif isinstance(sensors, RealSensors) and sensors.sensing is not None:
+        part = SensorPart(sensors.observation, sensors.sensing)
+    else:
+        part = SensorPart(Observation._make((*get_state(plant.state), plant.state.kinematics, None)))
+    if TRAVEL in scenario.altered:
+        return part
+    return part._replace(observation=part.observation._replace(travel=plant.travel))
+
+
+def _make_control_part(scenario: Scenario, external: External) -> ControlPart:
+    controller = scenario.controller
+    if not external.controller and isinstance(controller, HybridController | DriveController):
+        return ControlPart(controller.state, controller.params)
+    return ControlPart(new_hybrid_state(*scenario.setup.mechanism.shape))
+
+
+def _find_feedforward_params(scenario: Scenario, external: External) -> FeedforwardParams | None:
+    """Find the parameters of the feedforward; those of one that plays blocks are a table for its torque, N m."""
+    feedforward = scenario.feedforward
+    if external.controller:
+        return None
+    if not external.feedforward and isinstance(feedforward, BuiltInFeedforward):
+        return feedforward.params
+    if not offers(feedforward, Plays):
+        return None
+    setup = scenario.setup
+    torque, feedback = np.zeros((2, *setup.plan.support.shape, setup.mechanism.shape[1]))
+    return known_torque(setup, torque)._replace(feedback=feedback, block=feedforward.block)
 
 
 def make_guard(scenario: Scenario) -> Guard | None:
@@ -157,50 +208,19 @@ def make_loop(scenario: Scenario, external: External, guard: Guard | None = None
     drives = _make_drives(scenario, external, actuator)
     if drives is not None:  # these contain delay and lag
         actuator = replace(actuator, delay=0, lag=0.0)
-    if external.plant:
-        first = copy.deepcopy(scenario.first)
-        machine = new_state(mechanism.shape[0], mechanism.axes)
-        for values, start in zip(get_state(machine), get_state(first), strict=True):
-            values[...] = start
-        parts: dict[str, Any] = {"plant_state": machine, "travel": first.travel, "signals": first.signals}
-    else:
-        parts = dict(_get_parts(scenario.plant))
-    if external.sensors:
-        parts["observation"] = new_observation(mechanism.shape[0], mechanism.axes)._replace(
-            travel=copy.copy(parts.get("travel"))
-        )
-    else:  # with perfect sensors the controller reads the arrays of the plant
-        machine = parts["plant_state"]
-        parts["observation"] = Observation._make((*get_state(machine), machine.kinematics, None))
-        parts |= _get_parts(scenario.sensors)
-        has_signals = not isinstance(parts.get("sensing"), Proprioception) or parts.get("signals") is not None
-        require(
-            has_signals,
-            "sensors",
-            "proprioceptive",
-            "needs a plant that gives RobotSignals; use plant=mujoco_robot",
-        )
-        if TRAVEL not in scenario.altered:
-            parts["observation"] = parts["observation"]._replace(travel=parts.get("travel"))
-    parts["control_state"] = new_hybrid_state(*mechanism.shape)
-    if not external.controller:
-        parts |= _get_parts(scenario.controller)
-        if not external.feedforward:
-            parts |= _get_parts(scenario.feedforward)
-        elif offers(player := scenario.feedforward, Plays):
-            torque, feedback = np.zeros((2, *setup.plan.support.shape, mechanism.shape[1]))
-            parts["feedforward"] = known_torque(setup, torque)._replace(feedback=feedback, block=player.block)
+    plant = _make_plant_part(scenario, external)
     return Loop(
-        support=setup.plan.support,
-        reference=setup.plan.reference,
-        start_step=setup.plan.start_step,
+        plan=LoopPlan(setup.plan.support, setup.plan.reference, setup.plan.start_step),
         mechanism=mechanism,
+        plant=plant,
+        sensors=_make_sensor_part(scenario, external, plant),
+        controller=_make_control_part(scenario, external),
+        feedforward=_find_feedforward_params(scenario, external),
+        guard=None if guard is None else guard.state,
         actuator=new_actuator(actuator, setup.config.sampling_period, mechanism.shape[0], mechanism.torque_limits),
+        drives=drives,
         torques=Torques(feedforward=np.zeros(mechanism.shape), total=np.zeros(mechanism.shape)),
         limits=new_limits(mechanism, setup.plan.margins[:, STABILITY], setup.config.sampling_period),
-        shows=np.ones(1, dtype=np.int64),
-        guard=None if guard is None else guard.state,
         meter=new_load_meter(setup.config, mechanism),
-        drives=drives,
-        **parts,
+        shows=np.ones(1, dtype=np.int64),
     )

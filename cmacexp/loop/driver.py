@@ -17,9 +17,10 @@ from cmacexp.jit.interrupt import interruptible
 from cmacexp.loop.builtin import External, find_external, make_loop
 from cmacexp.loop.guard import Guard
 from cmacexp.loop.guard_kernels import lets_act
+from cmacexp.loop.parts import Hooks, Loop
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import Scenario
-from cmacexp.loop.step import FAILED_COMPONENT, Hooks, Loop, step_loop
+from cmacexp.loop.step import FAILED_COMPONENT, step_loop
 from cmacexp.loop.validation import (
     DRIVE_NAMES,
     SIGNAL_NAMES,
@@ -67,11 +68,11 @@ class ExternalComponents:
         self.sensors = scenario.sensors
         self.controller = scenario.controller
         self.feedforward = scenario.feedforward
-        self.state = view_state(loop.plant_state, loop.travel)
-        self.observation = view_state(loop.observation, loop.observation.travel)
-        state = loop.control_state
+        self.state = view_state(loop.plant.state, loop.plant.travel)
+        self.observation = view_state(loop.sensors.observation, loop.sensors.observation.travel)
+        state = loop.controller.state
         self.measured, self.observed = map(make_measurement_targets, (self.state, self.observation))
-        self.signals = [] if loop.signals is None else make_targets(SIGNAL_NAMES, loop.signals)
+        self.signals = [] if loop.plant.signals is None else make_targets(SIGNAL_NAMES, loop.plant.signals)
         self.action = make_targets(Action._fields[:3], (state.feedback, loop.torques.feedforward, state.reference))
         self.trusted = make_targets(("force_trusted",), (state.fault_status.trusted,))
         self.learning_error = make_targets(("learning_error",), (state.learning_error,))
@@ -81,7 +82,7 @@ class ExternalComponents:
         loop.shows[0] = 1
         self.divergence = ""
         """Cause of a divergence as an external plant reported it."""
-        self.period = len(loop.support)
+        self.period = len(loop.plan.support)
         # To list the references takes as long as a short run.
         needs_rows = external.controller or loop.feedforward is None or offers(scenario.feedforward, Observes)
         self.plan_rows = [list_rows(scenario.setup.plan, stage) for stage in (BEFORE, ACTING)] if needs_rows else []
@@ -103,13 +104,13 @@ class ExternalComponents:
     def _refer(self, step: int) -> Reference:
         """Return the reference of a step."""
         sample = step % self.period
-        acting = bool(lets_act(self.loop.guard, self.loop.start_step, step))
+        acting = bool(lets_act(self.loop.guard, self.loop.plan.start_step, step))
         return Reference._make((step, sample, acting, *self.plan_rows[ACTING if acting else BEFORE][sample]))
 
     def _measure(self, step: int) -> None:
         if self.observation.travel is not None:  # the default for sensors that do not measure it
-            self.observation.travel[...] = self.loop.travel
-        true = copy_state(self.state, self.loop.travel, self.loop.signals)
+            self.observation.travel[...] = self.loop.plant.travel
+        true = copy_state(self.state, self.loop.plant.travel, self.loop.plant.signals)
         copy_measurement(self.sensors, "measure", self.sensors.measure(true), self.observed)
 
     def _show(self, step: int) -> None:
@@ -120,7 +121,7 @@ class ExternalComponents:
 
     def _act(self, step: int) -> None:
         reference = self._refer(step)
-        state = self.loop.control_state
+        state = self.loop.controller.state
         action = self.controller.act(reference, copy_state(self.observation, self.observation.travel))
         if self.has_fault_status:
             trusted = self.controller.force_trusted  # type: ignore[attr-defined]
@@ -138,13 +139,13 @@ class ExternalComponents:
             raise BadOutput(f"{name}.act returned a drive, which nothing takes: give {name} sends_drives = True")
 
     def _predict(self, step: int) -> None:
-        torque = self.feedforward.predict(self._refer(step), self.loop.control_state.learning_error.copy())
+        torque = self.feedforward.predict(self._refer(step), self.loop.controller.state.learning_error.copy())
         copy_outputs(self.feedforward, "predict", (torque,), self.torque)
 
     def _play(self, params: FeedforwardParams, step: int) -> None:
         """Store the learning error of the last step, and call ``play`` for the torque of the next block."""
         sample = step % self.period
-        params.feedback[sample - 1] = self.loop.control_state.learning_error
+        params.feedback[sample - 1] = self.loop.controller.state.learning_error
         torque = self.feedforward.play(sample, read_only(params.feedback))  # type: ignore[attr-defined]  # it Plays
         copy_outputs(self.feedforward, "play", (torque,), make_targets(("torque",), (params.torque,)))
         require_finite(self.feedforward, "play", "torque", params.torque)
@@ -157,9 +158,9 @@ class ExternalComponents:
             self.state.q[...] = np.nan  # so that the check of this step stops the run
             return
         copy_measurement(self.plant, "step", measured, self.measured)
-        if self.loop.signals is not None:
+        if self.loop.plant.signals is not None:
             copy_parts(self.plant, "step", measured.signals, RobotSignals, self.signals, "signals=")
-            self._note_drives(self.loop.signals)
+            self._note_drives(self.loop.plant.signals)
         if step == 0:
             require_finite_state(self.plant, "step", self.state)
 
@@ -177,16 +178,16 @@ class ExternalComponents:
         drives = self.loop.drives
         if drives is None:
             return
-        drives.acted[TORQUE] = self.loop.control_state.feedback
+        drives.acted[TORQUE] = self.loop.controller.state.feedback
         drives.acted[FEEDFORWARD] = self.loop.torques.feedforward
-        drives.acted[DRIVE] = signals.torque - self.loop.control_state.feedback - self.loop.torques.feedforward
+        drives.acted[DRIVE] = signals.torque - self.loop.controller.state.feedback - self.loop.torques.feedforward
 
     def require_finite(self) -> None:
         """Check that outputs of external sensors, controller and feedforward are finite; raises BadOutput."""
         if self.external.sensors:
             require_finite_state(self.sensors, "measure", self.observation)
         if self.external.controller:
-            require_finite(self.controller, "act", "feedback", self.loop.control_state.feedback)
+            require_finite(self.controller, "act", "feedback", self.loop.controller.state.feedback)
             require_finite(self.controller, "act", "feedforward", self.loop.torques.feedforward)
         if self.external.feedforward:
             require_finite(self.feedforward, "predict", "torque", self.loop.torques.feedforward)
@@ -204,7 +205,7 @@ class Driver:
             self.hooks = self.hooks._replace(guard=Hook(guard.begin_step))
         self.taken = 0
         """Number of steps whose torque was applied to the plant, counted also if a component raised later."""
-        self.state = view_state(loop.plant_state)
+        self.state = view_state(loop.plant.state)
         legs, joints = loop.torques.total.shape
         self.run(*make_samples(1, legs, False, joints), steps=0)
 

@@ -4,19 +4,16 @@ A step has two halves, :func:`sense` and :func:`act`. :func:`take_steps` runs bo
 the same bits; :mod:`cmacexp.loop.stepwise` pauses between them. Hooks call the external components.
 """
 
-from typing import NamedTuple
-
-from cmacexp.control.actuator import Actuator, actuate
+from cmacexp.control.actuator import actuate
 from cmacexp.control.drive_kernels import DriveParams, command_drives
 from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
-from cmacexp.control.load_meter import LoadMeter, accumulate_load
+from cmacexp.control.load_meter import accumulate_load
 from cmacexp.control.steering import steer
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step, log_cycle
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.jit.hooks import DONE, Hook
 from cmacexp.jit.kernels import by_type
 from cmacexp.loop.guard_kernels import (
-    Flag,
     GuardState,
     accumulate_cycle,
     correct_torque,
@@ -24,6 +21,7 @@ from cmacexp.loop.guard_kernels import (
     lets_learn,
     record_torque,
 )
+from cmacexp.loop.parts import Hooks, Loop
 from cmacexp.loop.samples import write_drives, write_samples
 from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits, is_finite, moves_finite, observes_finite, stop_reason
 from cmacexp.models.mechanism import Mechanism, update_kinematics
@@ -34,73 +32,10 @@ from cmacexp.plants.mujoco_kernels import Engine, advance_engine
 from cmacexp.protocols import RobotSignals
 from cmacexp.sensors.estimator import Proprioception, estimate
 from cmacexp.sensors.kernels import Observation, Sensing, read_sensors
-from cmacexp.typing import Array, Mask, Scratch
+from cmacexp.typing import Array, Mask
 
 FAILED_COMPONENT = -1
 """Reason of a stop: an external component raised an exception or returned a value that is not finite."""
-
-
-class Torques(NamedTuple):
-    """Torques of one step, (L, J) each, N m."""
-
-    feedforward: Scratch
-    total: Scratch
-
-
-class Loop(NamedTuple):
-    """Parameters and states of all components of a loop; the parameters of external ones are None.
-
-    Built-in components return their entries, named as these fields, from ``kernel_parts``.
-    """
-
-    support: Mask
-    """(N, L): planned phase by sample of the cycle, True in support."""
-    reference: ControlReference
-    """Planned references of the controller by sample of the cycle."""
-    start_step: int
-    """First step in which the feedforward acts."""
-    mechanism: Mechanism
-    plant_state: PlantState
-    observation: Observation
-    """Input of the controller; with sensors that alter nothing it shares the arrays of the plant."""
-    control_state: HybridState
-    actuator: Actuator
-    torques: Torques
-    limits: StopLimits
-    shows: Flag
-    """(1,): 1 while the observer requests further steps, else 0."""
-    guard: GuardState | None
-    """State of the guard of learning; None without a guard."""
-    meter: LoadMeter | None
-    """Load meter; None if the plan does not adapt to the load."""
-    plant: PlantParams | Engine | None = None
-    signals: RobotSignals | None = None
-    """Onboard signals of a robot."""
-    travel: Array | None = None
-    """(3,): true position and yaw of a body that the plant moves, m and rad, as in a Measurement."""
-    sensing: Sensing | Proprioception | None = None
-    """Parameters of the sensors; None also if they alter nothing."""
-    control: HybridParams | DriveParams | None = None
-    drives: Drives | None = None
-    """Drives between controller and plant; None if the plant is commanded by torques."""
-    feedforward: FeedforwardParams | None = None
-
-
-class Hooks(NamedTuple):
-    """Hooks into Python, called with the number of the step; None for built-in components."""
-
-    guard: Hook | None = None
-    """The guard of learning, at the start of a cycle and after an alarm."""
-    sensors: Hook | None = None
-    """External sensors, which fill ``observation``."""
-    observer: Hook | None = None
-    """External feedforward that observes the steps."""
-    controller: Hook | None = None
-    """External controller, which fills the torques of feedback and feedforward (it calls its feedforward itself)."""
-    feedforward: Hook | None = None
-    """External feedforward, which fills the torque of a step or of a block; called where it acts and learns."""
-    plant: Hook | None = None
-    """External plant, which fills ``plant_state``."""
 
 
 @kernel
@@ -285,22 +220,18 @@ def check(hook: Hook | None, limits: StopLimits, sample: int, machine: PlantStat
 @kernel
 def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     """Run the first half of a step, before the torques: guard and sensors; return False if a component failed."""
-    sensors = hooks.sensors
-    plant = hooks.plant
-    observer = hooks.observer
-    sensing = loop.sensing
-    signals = loop.signals
-    support = loop.support
+    plant = loop.plant
+    sensors = loop.sensors
     mechanism = loop.mechanism
-    machine = loop.plant_state
-    observation = loop.observation
-    shows = loop.shows
+    support = loop.plan.support[sample]
     if not begin(hooks.guard, loop.guard, loop.feedforward, step, sample):
         return False
-    if not observe(sensors, sensing, mechanism, step, machine, signals, support[sample], observation):
+    if not observe(
+        hooks.sensors, sensors.params, mechanism, step, plant.state, plant.signals, support, sensors.observation
+    ):
         return False
-    update_given_joints(plant, sensors, mechanism, observation)
-    return shows[0] == 0 or call(observer, step)
+    update_given_joints(hooks.plant, hooks.sensors, mechanism, sensors.observation)
+    return loop.shows[0] == 0 or call(hooks.observer, step)
 
 
 @kernel
@@ -309,54 +240,45 @@ def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array
 
     It fills step ``k`` of ``samples`` (columns, K, L) and ``body_samples`` (columns, K).
     """
-    machine = loop.plant_state
-    observation = loop.observation
-    state = loop.control_state
-    feedforward, total = loop.torques
-    actuator = loop.actuator
-    guard = loop.guard
-    meter = loop.meter
-    planned_support = loop.support
-    travel = loop.travel
+    plan = loop.plan
     plant = loop.plant
+    observation = loop.sensors.observation
+    controller = loop.controller
+    feedforward = loop.feedforward
+    guard = loop.guard
     drives = loop.drives
-    external_plant = hooks.plant
-    controller = hooks.controller
-    external_feedforward = hooks.feedforward
-    control_params = loop.control
-    feedforward_params = loop.feedforward
-    start_step = loop.start_step
-    plan = loop.reference
-    support = planned_support[sample]
-    if controller is not None:
-        if not (call(controller, step) and is_finite(state.feedback) and is_finite(feedforward)):
+    state = controller.state
+    learnt, total = loop.torques
+    support = plan.support[sample]
+    if hooks.controller is not None:
+        if not (call(hooks.controller, step) and is_finite(state.feedback) and is_finite(learnt)):
             return False
     else:
-        acting = lets_act(guard, start_step, step)
-        asks = acting and lets_learn(guard) and begins_block(feedforward_params, sample)
-        if asks and not ask_feedforward(external_feedforward, step, feedforward):
+        acting = lets_act(guard, plan.start_step, step)
+        asks = acting and lets_learn(guard) and begins_block(feedforward, sample)
+        if asks and not ask_feedforward(hooks.feedforward, step, learnt):
             return False
-        if step >= start_step:
-            predict(feedforward_params, guard, step, sample, state.learning_error, feedforward)
-        reference = select(plan, ACTING if acting else BEFORE, sample)
-        if control_params is not None:
-            control(control_params, state, drives, step, sample, support, reference, observation)
-    record_torque(guard, sample, feedforward)
-    actuate(actuator, step, state.feedback, feedforward, total)
-    send_command(drives, step, state.feedback, feedforward)
+        if step >= plan.start_step:
+            predict(feedforward, guard, step, sample, state.learning_error, learnt)
+        reference = select(plan.reference, ACTING if acting else BEFORE, sample)
+        if controller.params is not None:
+            control(controller.params, state, drives, step, sample, support, reference, observation)
+    record_torque(guard, sample, learnt)
+    actuate(loop.actuator, step, state.feedback, learnt, total)
+    send_command(drives, step, state.feedback, learnt)
     write_samples(
         samples,
         body_samples,
         k=k,
-        travel=travel,
-        machine=machine,
+        travel=plant.travel,
+        machine=plant.state,
         observation=observation,
         control=state,
-        feedforward=feedforward,
+        feedforward=learnt,
     )
     accumulate_cycle(guard, sample, support, state, observation)
-    accumulate_load(meter, support, observation)
-    if not advance_plant(external_plant, plant, step, machine, total, drives):
+    accumulate_load(loop.meter, support, observation)
+    if not advance_plant(hooks.plant, plant.params, step, plant.state, total, drives):
         return False
     write_drives(samples, k, drives)
     return True
@@ -373,9 +295,8 @@ def take_steps(
     applied to the plant, and RUNNING or the reason of a stop: DIVERGED, FELL or FAILED_COMPONENT.
     """
     limits = loop.limits
-    machine = loop.plant_state
-    external_plant = hooks.plant
-    period = loop.support.shape[0]
+    machine = loop.plant.state
+    period = loop.plan.support.shape[0]
     sample = start % period
     step = start
     status = RUNNING
@@ -387,7 +308,7 @@ def take_steps(
             return step - start, FAILED_COMPONENT
         step += 1
         sample = sample + 1 if sample + 1 < period else 0
-        status = check(external_plant, limits, sample, machine)
+        status = check(hooks.plant, limits, sample, machine)
     return step - start, status
 
 

@@ -16,10 +16,11 @@ from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.adaptation import Adaptation
 from cmacexp.loop.builtin import External, find_external, make_loop
 from cmacexp.loop.driver import list_rows
+from cmacexp.loop.parts import Hooks, Loop
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.state import Snapshot, list_arrays
-from cmacexp.loop.step import Hooks, Loop, act, check, sense
+from cmacexp.loop.step import act, check, sense
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, stop_reason
 from cmacexp.planning.reference import BEFORE, ControlReference, Motion
 from cmacexp.plants.mujoco_plant import MujocoPlant
@@ -42,19 +43,19 @@ def pause_in_steps(loop: Loop, start: int, samples: Array, body_samples: Array) 
     steps and RUNNING; the last one yields the reason of the stop instead.
     """
     # No local variable holds arrays: each pause would save them, which doubles the time of compiling.
-    period = loop.support.shape[0]
+    period = loop.plan.support.shape[0]
     sample = start % period
     step_count = 0
     status = RUNNING
     if start == 0:
-        status = stop_reason(loop.limits, 0, loop.plant_state)
+        status = stop_reason(loop.limits, 0, loop.plant.state)
     while status == RUNNING and step_count < samples.shape[1]:
         sense(loop, BUILT_IN, start + step_count, sample)
         yield step_count, RUNNING
         act(loop, BUILT_IN, start + step_count, sample, step_count, samples, body_samples)
         step_count += 1
         sample = sample + 1 if sample + 1 < period else 0
-        status = check(None, loop.limits, sample, loop.plant_state)
+        status = check(None, loop.limits, sample, loop.plant.state)
     yield step_count, status
 
 
@@ -122,8 +123,8 @@ class OpenLoop:
         self._plant = scenario.plant if isinstance(scenario.plant, MujocoPlant) else None
         self._adaptation = None if self._loop.meter is None else Adaptation(setup, self._loop.meter)
         self._planned = list_rows(setup.plan, BEFORE)
-        self._state = view_state(self._loop.plant_state, self._loop.travel)
-        observation = self._loop.observation
+        self._state = view_state(self._loop.plant.state, self._loop.plant.travel)
+        observation = self._loop.sensors.observation
         self._observed = view_state(observation, observation.travel)
         self._samples = make_samples(self.period, self.shape[0], False, self.shape[1])
         self._start = Snapshot(item.array for item in list_arrays(self._loop) if item.role is not None)
@@ -146,7 +147,7 @@ class OpenLoop:
             self._start.restore()
             if self._adaptation is not None:
                 self._adaptation.reset()
-            sensing = self._loop.sensing
+            sensing = self._loop.sensors.params
             if isinstance(sensing, Proprioception):
                 sensing = sensing.sensing
             if seed is not None and sensing is not None:
@@ -206,7 +207,7 @@ class OpenLoop:
             control=reference,
             foot_motion=foot_motion,
             force_desired=force_desired,
-            learning_error=self._loop.control_state.learning_error,
-            feedback=self._loop.control_state.feedback,
+            learning_error=self._loop.controller.state.learning_error,
+            feedback=self._loop.controller.state.feedback,
         )
         return self.moment

@@ -1,7 +1,7 @@
 """The definition of a metric: unit, meaning, source, pooling over legs, better direction, and appearance."""
 
 from collections.abc import Callable, Mapping
-from functools import cache, partial
+from functools import partial
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -113,7 +113,6 @@ def describe(name: str, metric: Metric[Any] | None = None) -> dict[str, str]:
     return {key: declared[key] for key in ("unit", "meaning", "undefined", "source")}
 
 
-@cache
 def _make_field(name: str, metric: Metric[Any] | None, kind: pa.DataType) -> pa.Field:
     return pa.field(name, kind, metadata=describe(name, metric))
 

@@ -1,7 +1,6 @@
 """Sources of robot models: a file, an installed package, a checkout. Nothing is ever downloaded."""
 
 import os
-from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
@@ -24,12 +23,16 @@ CHECKOUT_FOLDERS = {
 """Folder of mujoco_menagerie for each model; the file has the name of the model."""
 
 
-@cache  # a run looks its model up a hundred times
+def _list_package_folders() -> list[Path]:
+    """List the folders of the package that hold models; none if it is not installed."""
+    spec = find_spec(PACKAGE)
+    return [Path(location) / "robot_model" for location in spec.submodule_search_locations or ()] if spec else []
+
+
 def package_models() -> dict[str, Path]:
     """List the model files of the package by name; empty if it is not installed."""
-    spec = find_spec(PACKAGE)
-    folders = [Path(location) / "robot_model" for location in spec.submodule_search_locations or ()] if spec else []
-    return {path.stem: path for folder in folders for path in folder.glob("*/*.xml") if path.stem == path.parent.name}
+    files = (path for folder in _list_package_folders() for path in folder.glob("*/*.xml"))
+    return {path.stem: path for path in files if path.stem == path.parent.name}
 
 
 def describe_origin(path: Path) -> str:
@@ -55,9 +58,12 @@ def find_model(name: str | None, path: str | None) -> Path:
         raise BadInput("machine.path", None, "must name the MJCF or URDF file of the robot: machine.path=FILE")
     root = os.environ.get(CHECKOUT, "")
     checkout = {model: Path(root, folder, f"{model}.xml") for model, folder in CHECKOUT_FOLDERS.items() if root}
-    models = {model: file for model, file in checkout.items() if file.is_file()} | package_models()
-    if name in models:
-        return models[name]
+    places = [folder / name / f"{name}.xml" for folder in _list_package_folders()]
+    if name in checkout:
+        places.append(checkout[name])
+    if file := next(filter(Path.is_file, places), None):
+        return file
+    models = {model for model, path in checkout.items() if path.is_file()} | package_models().keys()
     installed = ", ".join(sorted(models)) or f"none: {format_install_command(PACKAGE)} with Python below 3.13"
     also = f"let {CHECKOUT} name a checkout of mujoco_menagerie, or use machine=mjcf machine.path=FILE"
     raise BadInput("machine.model", name, f"is not installed; installed are {installed}; or {also}")

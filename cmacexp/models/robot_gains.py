@@ -4,7 +4,6 @@ Constants in the equations were measured for this project: docs/robots.md.
 """
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -290,7 +289,6 @@ def require_period(ratio: float, period: float, loop_delay: LoopDelay = NO_DELAY
         raise BadInput("sampling_period", period, f"is too long, {light}: use {recommended:g}, or set gains{more}")
 
 
-@lru_cache(maxsize=16)
 def derive_basis(robot: Robot) -> Basis:
     """Derive the quantities that depend on the robot only (measured for this project: docs/robots.md)."""
     stiffness = robot.mass * GRAVITY / LEGS / DEPTH

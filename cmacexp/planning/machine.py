@@ -12,7 +12,6 @@ the joints; the ground supplies those on the trunk.
 """
 
 import copy
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,7 +62,6 @@ class Stance(NamedTuple):
     """(4, 21): m, see :mod:`cmacexp.models.chain`."""
 
 
-@lru_cache(maxsize=16)
 def find_stance(robot: Robot, hip_height: float, width: float | None = None) -> Stance:
     """Find the stance with the hips ``hip_height``, m, above the feet; raise BadInput if a leg is too short.
 

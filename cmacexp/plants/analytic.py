@@ -10,7 +10,7 @@ from cmacexp.planning.plan import Setup
 from cmacexp.plants.as_built import AsBuiltConfig, make_ground, make_payload
 from cmacexp.plants.kernels import PlantParams, PlantState, advance, new_state, observe, update_stiffness
 from cmacexp.protocols import Measurement, copy_state
-from cmacexp.typing import Array, KernelParts
+from cmacexp.typing import Array
 
 
 class AnalyticPlant:
@@ -69,7 +69,3 @@ class AnalyticPlant:
     def measure(self) -> Measurement:
         """Return a copy of the current state."""
         return copy_state(self.state)
-
-    def kernel_parts(self) -> KernelParts:
-        """Return parameters and state for the compiled loop."""
-        return {"plant": self.params, "plant_state": self.state}

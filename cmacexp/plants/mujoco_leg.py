@@ -14,8 +14,6 @@ class MujocoLeg(MujocoPlant):
     Config = MujocoConfig
     config: MujocoConfig
 
-    kernel_parts = MujocoPlant.kernel_parts
-
     def reset(self, setup: Setup) -> Measurement:
         """Start at the planned joint angles, at rest; raises BadInput if the machine is not a leg on a stand."""
         require_machine(setup, "leg", "mujoco_leg", "one_leg")

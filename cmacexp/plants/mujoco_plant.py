@@ -27,7 +27,7 @@ from cmacexp.plants.mujoco_kernels import (
 )
 from cmacexp.plants.touch import Joints, Touch
 from cmacexp.protocols import Measurement, copy_state
-from cmacexp.typing import Array, Counts, KernelParts
+from cmacexp.typing import Array, Counts
 
 WARNINGS = {
     "mjWARN_BADQPOS": "the position of {} is not finite or huge",
@@ -220,15 +220,6 @@ class MujocoPlant:
         for _ in range(2):  # an acceleration is the difference of two velocities
             observe(self.engine, self.state, np.zeros(self.state.q.shape))
         return copy_state(self.state, self.engine.travel, self.signals)
-
-    def kernel_parts(self) -> KernelParts:
-        """Return the machine in MuJoCo, its state, the world pose of a moving body, and signals of the robot."""
-        return {
-            "plant": self.engine,
-            "plant_state": self.state,
-            "travel": self.engine.travel,
-            "signals": self.signals,
-        }
 
     @property
     def divergence(self) -> str:

@@ -29,8 +29,6 @@ class MujocoQuadruped(MujocoPlant):
 
     config: Config
 
-    kernel_parts = MujocoPlant.kernel_parts
-
     def reset(self, setup: Setup) -> Measurement:
         """Start near the planned joint angles, at rest, the body at its planned height; raises BadInput."""
         require_machine(setup, "quadruped", "mujoco_quadruped", "quadruped")

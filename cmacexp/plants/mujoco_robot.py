@@ -157,8 +157,6 @@ class MujocoRobot(MujocoPlant):
 
     config: Config
 
-    kernel_parts = MujocoPlant.kernel_parts
-
     def reset(self, setup: Setup) -> Measurement:
         """Start near the planned joint angles, at rest, the body level at its planned height; raises BadInput."""
         require_machine(setup, "robot", "mujoco_robot", "robot")

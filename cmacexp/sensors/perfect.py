@@ -6,7 +6,6 @@ from cmacexp.config import ComponentConfig
 from cmacexp.errors import BadInput
 from cmacexp.planning.plan import Setup
 from cmacexp.protocols import SIGNALS, TRAVEL, Altering, Measurement, Sensors, offers
-from cmacexp.typing import KernelParts
 
 
 class PerfectSensors:
@@ -20,10 +19,6 @@ class PerfectSensors:
 
     def reset(self, setup: Setup) -> None:
         """Do nothing: perfect sensors have no state."""
-
-    def kernel_parts(self) -> KernelParts:
-        """Return no parts: the controller reads the arrays of the plant directly."""
-        return {}
 
     def measure(self, true: Measurement) -> Measurement:
         """Return the true state, unchanged."""

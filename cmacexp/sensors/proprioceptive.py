@@ -17,11 +17,11 @@ from cmacexp.planning.machine import Stance, find_stance
 from cmacexp.planning.plan import Setup
 from cmacexp.protocols import SIGNALS, TRAVEL, Measurement, RobotSignals, copy_state
 from cmacexp.sensors.config import ChannelsConfig, LegSignalConfig, SignalConfig
-from cmacexp.sensors.estimator import BODY_CHANNELS, JOINT_CHANNELS, Errors, Estimator, Proprioception, estimate
+from cmacexp.sensors.estimator import BODY_CHANNELS, JOINT_CHANNELS, Errors, Estimator, estimate
 from cmacexp.sensors.kernels import new_observation
 from cmacexp.sensors.place_filter import new_filter
 from cmacexp.sensors.real import JointSensors, make_sensing
-from cmacexp.typing import Array, KernelParts
+from cmacexp.typing import Array
 
 ELASTIC = "elastic"
 RIGID = "mujoco"
@@ -135,10 +135,6 @@ class ProprioceptiveSensors(JointSensors):
             depth=np.zeros(legs),
         )
         self.observation = new_observation(legs, mechanism.axes)._replace(travel=np.zeros(3))
-
-    def kernel_parts(self) -> KernelParts:
-        """Return channels and estimator, and the observation that they fill."""
-        return {"sensing": Proprioception(self.sensing, self.estimator), "observation": self.observation}
 
     def measure(self, true: Measurement) -> Measurement:
         """Return the estimate from the signals of ``true``; raises CmacexpError if it has no RobotSignals."""

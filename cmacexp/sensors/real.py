@@ -18,7 +18,7 @@ from cmacexp.sensors.config import (
     SignalConfig,
 )
 from cmacexp.sensors.kernels import CHANNEL, FAULTS, NO_FAULT, Sensing, new_observation, read_sensors
-from cmacexp.typing import Counts, KernelParts
+from cmacexp.typing import Counts
 
 SENSOR_SEED = 0x53454E53
 """Constant mixed into the run seed, so that sensors and other components draw different random numbers."""
@@ -119,10 +119,6 @@ class RealSensors(JointSensors):
         self.step = 0
         self.observation = new_observation(setup.mechanism.shape[0], setup.mechanism.axes)
         self.sensing = make_sensing(self.config, _layout(*setup.mechanism.shape), setup) if self.alters else None
-
-    def kernel_parts(self) -> KernelParts:
-        """Return the channels and the observation they fill; empty if no signal is altered."""
-        return {} if self.sensing is None else {"sensing": self.sensing, "observation": self.observation}
 
     def measure(self, true: Measurement) -> Measurement:
         """Return the sensor readings of the ``true`` state."""

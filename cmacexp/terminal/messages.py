@@ -6,7 +6,6 @@ fits 80 columns; columns that do not fit side by side follow below, so that no l
 
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from shlex import quote
 from shutil import get_terminal_size
@@ -144,9 +143,8 @@ NEXT = {"report": "report", "replay": "replay"}
 """Commands for a closer look at a run with a trace, with their purpose."""
 
 
-@cache
 def announce_compiling() -> None:
-    """Print a notice, once, before this process compiles, with the longest compile time so far."""
+    """Print a notice before this process compiles next, with the longest compile time so far."""
 
     def announce() -> None:
         longest = read_longest_compiling()
@@ -161,17 +159,11 @@ def announce_compiling() -> None:
     call_before_compiling(announce)
 
 
-@cache
-def _warn(text: str) -> None:
-    """Print a warning, but the same one only once per process."""
-    print_line(f"warning: {text}", error=True)
-
-
 def warn_of_models(machines: Iterable[object]) -> None:
-    """Warn, once per process, of robot models that differ from those with which results were measured."""
-    for machine in {repr(machine): machine for machine in machines}.values():  # a study has many equal machines
-        if other := describe_other_model(machine):
-            _warn(other)
+    """Warn, once each, of robot models that differ from those with which results were measured."""
+    different = {repr(machine): machine for machine in machines}  # a study has many equal machines
+    for text in sorted({*map(describe_other_model, different.values())} - {""}):
+        print_line(f"warning: {text}", error=True)
 
 
 def warn_of_other_mode(overrides: Iterable[str], group: str, reason: str) -> None:

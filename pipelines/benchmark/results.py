@@ -19,12 +19,12 @@ from cmacexp.config import config_hash, to_plain
 from cmacexp.config.component import custom_code_hash
 from cmacexp.config.compose import compose_config
 from cmacexp.data.files import write_atomically
+from cmacexp.data.manifest import read_environment
 from cmacexp.engine.launcher import Launcher
 from cmacexp.engine.run import score_run
 from cmacexp.errors import BadInput, describe_failure
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import exits_caught
-from cmacexp.jit.sources import code_hash
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.registry import pool_legs
 from cmacexp.study import Array, compute_final
@@ -83,7 +83,9 @@ def _find_hash(stages: Mapping[str, Sequence[str]], last: int) -> str:
         parts = [custom_code_hash(config), config_hash(to_plain(config))]
     except BadInput as error:  # the run itself reports it
         parts = [str(error)]
-    return hashlib.sha256(json.dumps([VERSION, code_hash(), *parts, stages, last]).encode()).hexdigest()
+    return hashlib.sha256(
+        json.dumps([VERSION, read_environment().code_hash, *parts, stages, last]).encode()
+    ).hexdigest()
 
 
 def run_stage(machine: Machine, overrides: Sequence[str], learnt: Weights | None = None) -> tuple[Row, Weights]:

@@ -87,7 +87,6 @@ def test_a_package_is_found_and_not_imported(tmp_path, monkeypatch):
     (tmp_path / "robots_of_a_test" / "__init__.py").write_text("raise RuntimeError")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(find, "PACKAGE", "robots_of_a_test")
-    monkeypatch.setattr(find, "package_models", find.package_models.__wrapped__)
     assert find.package_models() == {"own": folder / "own.xml"}
     with pytest.raises(BadInput, match=r"^machine\.model=go3: .*installed are own"):
         find.find_model("go3", None)

@@ -5,7 +5,6 @@ are measured.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -219,11 +218,14 @@ def list_identified(problem: Problem, level: Level, before: Maker) -> Mapping[st
     """
     signals = problem.signals
 
-    @cache
+    fits: dict[int, tuple[Fit, Array]] = {}
+
     def identify_to(stroke: int) -> tuple[Fit, Array]:
-        start = identify_to(stroke - 2)[0].values if stroke > 2 else None
-        fitted = fit(problem, level, rows_of(signals, 1, stroke), start)
-        return fitted, signals.compute_torque(replay_fit(problem.apply(fitted.masses), fitted))
+        if stroke not in fits:
+            start = identify_to(stroke - 2)[0].values if stroke > 2 else None
+            fitted = fit(problem, level, rows_of(signals, 1, stroke), start)
+            fits[stroke] = fitted, signals.compute_torque(replay_fit(problem.apply(fitted.masses), fitted))
+        return fits[stroke]
 
     def make() -> Learner:
         return Identified(signals, before(), identify_to)

@@ -69,7 +69,7 @@ class RestorableLoop:
         self._weights = feedforward.weights
         states = [array for array in arrays if array.role is not None and array.role.name == STATE.name]
         if self.plant is not None:  # pack_state() of the plant replaces its measured state
-            states = [array for array in states if not array.name.startswith("plant_state.")]
+            states = [array for array in states if not array.name.startswith("plant.state.")]
         self._arrays = [array for array in states if array.array is not self._weights]
         learns = feedforward.kind != TABLE
         self._in_use = [rows[:used] for rows, used in zip(log.rows, log.used, strict=True)] if learns else []

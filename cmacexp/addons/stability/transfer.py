@@ -57,7 +57,7 @@ def _local(loop: RestorableLoop, table: Array) -> Local:
     now = loop.hold()
 
     def learning_error() -> Array:
-        return loop.run.loop.control_state.learning_error.reshape(-1).copy()
+        return loop.run.loop.controller.state.learning_error.reshape(-1).copy()
 
     columns = [loop.derivative(now, along, learning_error, 1) for along in np.eye(len(now))]
     b = _from_torque(loop, now, table[sample])

@@ -10,7 +10,6 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -55,11 +54,10 @@ def _strip(text: str) -> str:
     return "\n".join(line.rstrip() for line in lines if line.strip())
 
 
-@cache
 def digest_package() -> dict[str, str]:
     """Compute the digest of every file of the package and of ``conf`` that can change values of a study, by path.
 
-    This takes about 1 s and is needed for the state of each study, so it is computed once per process.
+    This takes about 1 s.
     """
     rooms = [PACKAGE / room for room in (*RESULT_ROOMS, *STATISTICS)]
     files = {f for room in rooms for f in (room.rglob("*.py") if room.is_dir() else [room])}

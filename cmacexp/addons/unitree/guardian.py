@@ -16,12 +16,12 @@ from contextlib import suppress
 from pathlib import Path
 
 from cmacexp.addons.unitree.messages import (
+    LAYOUTS,
     LOW_CMD,
     Message,
     decode,
     encode,
     is_damping,
-    lay_out,
     new_command,
     set_motors,
 )
@@ -34,7 +34,7 @@ PERIOD = 0.002
 """Time from one command of the guardian to the next, s."""
 GONE = 3.0
 """Time without a state after which a robot is gone, s."""
-FRAME = len(lay_out(LOW_CMD))
+FRAME = len(LAYOUTS[LOW_CMD])
 """Size of a command in the pipe, bytes: below PIPE_BUF, so that a command is in the pipe whole or not at all."""
 PENDING = 64
 """Most commands that are read at once."""

@@ -7,7 +7,6 @@ CDR, little-endian, which aligns each number to a multiple of its size, but does
 
 import zlib
 from collections.abc import Iterator
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -93,7 +92,6 @@ def list_numbers(kind: np.dtype[Any], begin: int = 0) -> Iterator[tuple[int, int
         yield begin, kind.itemsize
 
 
-@cache
 def lay_out(kind: np.dtype[Any]) -> NDArray[np.intp]:
     """Return the offset in memory of each byte of a message in CDR, PADDING for a byte of padding."""
     offsets = list[int]()
@@ -103,15 +101,19 @@ def lay_out(kind: np.dtype[Any]) -> NDArray[np.intp]:
     return np.array(offsets)
 
 
+LAYOUTS = {kind: lay_out(kind) for kind in (LOW_CMD, LOW_STATE)}
+"""Offsets of :func:`lay_out` by kind of message."""
+
+
 def encode(message: Message) -> bytes:
     """Return the bytes of a message on the wire."""
     memory = np.frombuffer(message.tobytes() + b"\0", dtype=np.uint8)  # PADDING, -1, takes the last byte
-    return memory[lay_out(message.dtype)].tobytes()
+    return memory[LAYOUTS[message.dtype]].tobytes()
 
 
 def decode(kind: np.dtype[Any], data: bytes) -> Message:
     """Return the message of a ``kind``, LOW_CMD or LOW_STATE, from its bytes; raise ValueError if some lack."""
-    offsets = lay_out(kind)
+    offsets = LAYOUTS[kind]
     if len(data) != len(offsets):
         raise ValueError(f"{len(data)} bytes, not {len(offsets)}")
     memory = np.zeros(kind.itemsize + 1, dtype=np.uint8)

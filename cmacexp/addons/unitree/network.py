@@ -13,7 +13,7 @@ from contextlib import suppress
 from functools import cache
 from typing import Any, NamedTuple
 
-from cmacexp.addons.unitree.messages import LOW_CMD, LOW_STATE, Message, decode, encode, lay_out
+from cmacexp.addons.unitree.messages import LAYOUTS, LOW_CMD, LOW_STATE, Message, decode, encode
 from cmacexp.errors import BadInput, CmacexpError, require, require_extra
 
 LOOPBACK = "lo"
@@ -82,7 +82,7 @@ def _make_bytes(size: int) -> type[ct.Structure]:
 
 
 COMMANDS, STATES = (
-    Topic(f"rt/{name.lower()}", f"unitree_go::msg::dds_::{name}_", _make_bytes(len(lay_out(kind))))
+    Topic(f"rt/{name.lower()}", f"unitree_go::msg::dds_::{name}_", _make_bytes(len(LAYOUTS[kind])))
     for name, kind in (("LowCmd", LOW_CMD), ("LowState", LOW_STATE))
 )
 KINDS = {COMMANDS: LOW_CMD, STATES: LOW_STATE}

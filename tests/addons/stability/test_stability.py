@@ -61,7 +61,7 @@ def test_every_array_that_a_loop_changes_is_declared_and_put_back_it_repeats_its
     assert loop.advance(loop.period)
     if loop.plant is None:
         changed = {each.name for each, old in zip(arrays, before, strict=True) if each.array.tobytes() != old}
-        assert {"plant_state.q", "control_state.error", "plant_state.clock"} <= changed
+        assert {"plant.state.q", "controller.state.error", "plant.state.clock"} <= changed
         assert changed <= {each.name for each in arrays if each.role is not None}
     assert loop.advance(7)  # so that ring buffers do not begin at their first sample
     held, ends = loop.hold(), []

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cmacexp.addons.unitree.messages import (
+    LAYOUTS,
     LOW_CMD,
     LOW_STATE,
     compute_checksum,
@@ -11,7 +12,6 @@ from cmacexp.addons.unitree.messages import (
     encode,
     get_motors,
     is_damping,
-    lay_out,
     new_command,
     set_motors,
 )
@@ -29,7 +29,7 @@ def crc_bit_by_bit(words):
 
 def test_messages_have_the_sizes_of_the_published_structures():
     assert [kind.itemsize for kind in (LOW_CMD, LOW_STATE)] == [812, 1180]
-    assert [len(lay_out(kind)) for kind in (LOW_CMD, LOW_STATE)] == [808, 1176]
+    assert [len(LAYOUTS[kind]) for kind in (LOW_CMD, LOW_STATE)] == [808, 1176]
 
 
 def test_a_command_keeps_what_is_set_and_its_checksum_is_that_of_the_structure():
