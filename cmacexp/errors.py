@@ -164,7 +164,7 @@ class OtherModel(UserWarning):
 
 
 class SmallMargin(UserWarning):
-    """A delay margin of a robot's feedback below the delay that its bus may have. Issued by :func:`cmacexp.run`."""
+    """A robot that may fall: a small margin of delay, damping, torque or roll. Issued by :func:`cmacexp.run`."""
 
 
 class BadOutput(CmacexpError):

@@ -204,7 +204,7 @@ def _prepare(composed: DictConfig, hydra: Any) -> tuple[Config, "Scenario"]:
     check_metric(config.optimize, config.machine.kind)
     with show_activity(f"planning {config.steps_per_cycle} steps a cycle"):
         scenario = make_scenario(config)
-    for text in filter(None, [*list_idle_overrides(config, hydra.overrides.task, composed), scenario.warning]):
+    for text in [*list_idle_overrides(config, hydra.overrides.task, composed), *scenario.warnings]:
         print_line(f"warning: {text}", error=True)
     warn_of_models([config.machine])
     return config, scenario

@@ -17,9 +17,9 @@ from cmacexp.loop.margin import find_sampled_limit
 from cmacexp.metrics.registry import format_number
 from cmacexp.models.robot import Robot
 from cmacexp.models.robot_gains import DriveGains, derive_basis, find_joint_margin
-from cmacexp.planning.machine import make_mechanism, planned_torques
+from cmacexp.planning.machine import make_mechanism
 from cmacexp.planning.plan import make_plan
-from cmacexp.planning.stability import STABILITY
+from cmacexp.planning.walk import JOINT_NAMES, judge_walk
 from cmacexp.terminal.messages import print_table, warn_of_models
 from cmacexp.terminal.output import print_line
 
@@ -47,10 +47,6 @@ SETTINGS = (
 
 BY_RULE = (("hybrid", ""), ("hybrid", "0.002"), ("hybrid", "0.001"), ("drives", ""))
 """Controller and sampling period, s, for each of which the delay margin is printed; empty: the derived period."""
-JOINT_NAMES = ("hip", "thigh", "calf")
-LEAST_ROLL_STIFFNESS = 1.8
-"""Roll stiffness of the feet over that with which gravity tips the body over, below which a warning is printed: a
-robot of 12 kg fell with 1.5, also with feedback only, and walked with 2.1 and more."""
 MARGIN_GROUPS = ("scenario", "machine", "gait", "sensors", "actuator")
 """Other config groups on which the delay margin depends."""
 
@@ -95,41 +91,31 @@ def list_joints(robot: Robot) -> list[list[str]]:
     return [[name, unit, *map(format_number, values.tolist())] for name, unit, values in quantities]
 
 
-def _plan_walk(config: Config, robot: Robot) -> tuple[list[list[str]], list[str]]:
+def _plan_walk(config: Config) -> tuple[list[list[str]], list[str]]:
     """Plan the walk, and compare its stability margin and its torques with what the robot has.
 
     Returns rows of the table of joints, largest planned torque and what it is of the limit, and lines about the
-    stance, with warnings.
+    stance, with warnings, which a run prints too.
     """
     try:
         mechanism = make_mechanism(config.machine)
         plan = make_plan(config.nominal, mechanism, feedforward_acts=False)
     except BadInput as error:
         return [], [f"this walk is refused: {error}"]
-    force = plan.force_desired
-    torque = np.abs(planned_torques(config.nominal, mechanism, plan.joints, plan.sway, force, force)).max(axis=(0, 1))
-    share = torque / robot.torque_limits
+    walk = judge_walk(config, mechanism, plan)
     rows = [
-        ["largest planned torque", "N m", *map(format_number, torque.tolist())],
-        ["over the largest torque", "", *map(format_number, share.tolist())],
+        ["largest planned torque", "N m", *map(format_number, walk.torque.tolist())],
+        ["over the largest torque", "", *map(format_number, walk.share.tolist())],
     ]
-    front, rear = np.abs(np.diff(mechanism.hips[:, 1].reshape(2, 2))[:, 0])
-    margin = plan.margins[:, STABILITY].min()
+    front, rear = walk.widths
     lines = [f"feet stand {front:.3g} m apart in front and {rear:.3g} m in the rear"]
-    if not np.isnan(margin):  # of a gait that always has three feet down
-        lines.append(f"least stability margin of the planned gait: {1e3 * margin:.3g} mm")
-    if config.gains is not None and config.gains[0]:
-        foot = config.gains[0] * (1.0 + config.posture.gain)
-        foot *= config.terrain.stiffness / (foot + config.terrain.stiffness)  # in series
-        stiffness = foot * float((mechanism.hips[:, 1] ** 2).sum()) / (mechanism.weight * mechanism.hip_height)
-        lines.append(f"roll stiffness on four feet over that with which the body tips over: {stiffness:.3g}")
-        if stiffness < LEAST_ROLL_STIFFNESS:
-            advice = "use a larger gait.width or posture.gain"
-            lines.append(f"warning: below {LEAST_ROLL_STIFFNESS:g} it may fall to its side: {advice}")
-    if weak := [name for name, over in zip(JOINT_NAMES, share, strict=True) if over > 1.0]:
-        verb = "needs" if len(weak) == 1 else "need"
-        lines.append(f"warning: {' and '.join(weak)} {verb} more torque than the model has: it may fall")
-    return rows, lines
+    if not np.isnan(walk.margin):  # of a gait that always has three feet down
+        lines.append(f"least stability margin of the planned gait: {1e3 * walk.margin:.3g} mm")
+    if not np.isnan(walk.roll_stiffness):
+        lines.append(
+            f"roll stiffness on four feet over that with which the body tips over: {walk.roll_stiffness:.3g}"
+        )
+    return rows, [*lines, *(f"warning: {text}" for text in walk.list_warnings())]
 
 
 def list_settings(config: Config) -> list[list[str]]:
@@ -207,7 +193,7 @@ def main(arguments: Arguments) -> None:
     print_table(["controller", "period, s", "crossover, Hz", "delay margin, ms", ""], margins)
     limit = format_number(find_sampled_limit(config), "N m s/rad")
     print_line(f"damping from which drives that compute once a command shake: {limit}")
-    torques, lines = _plan_walk(config, robot)
+    torques, lines = _plan_walk(config)
     print_table(["", "unit", *JOINT_NAMES], [*list_joints(robot), *torques])
     for line in lines:
         print_line(line)

@@ -89,7 +89,7 @@ def run(
         WithoutEffect: of each override that nothing reads, and of a custom feedforward that gave no torque, unless
             ``warn=false`` is one of them.
         OtherModel: of a robot whose model is not the one that results were measured with.
-        SmallMargin: of a robot whose feedback is late and bears little further delay, unless ``warn=false``.
+        SmallMargin: of a robot that may fall, with small margins of delay, torque or roll; not with ``warn=false``.
     """
     for key in other:
         raise BadInput("run", key, f'no such argument; overrides are texts: cmacexp.run(["{key}=..."])')
@@ -115,8 +115,8 @@ def run(
     by_time = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))
     place = named or by_time if folder is None else Path(folder)
     scenario = make_scenario(config, None, **components)
-    if scenario.warning:
-        warnings.warn(scenario.warning, SmallMargin, stacklevel=2)
+    for text in scenario.warnings:
+        warnings.warn(text, SmallMargin, stacklevel=2)
     result = run_scenario(config, place, prepared=scenario, overrides=texts)
     if config.warn and (without_torque := describe_idle(result)):
         warnings.warn(without_torque, WithoutEffect, stacklevel=2)

@@ -31,6 +31,7 @@ from cmacexp.loop.validation import (
 from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.planning import Plan, Recall, Setup, make_plan
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
+from cmacexp.planning.walk import judge_walk
 from cmacexp.plants import AnalyticPlant
 from cmacexp.plants.instruments import new_instruments
 from cmacexp.protocols import (
@@ -146,8 +147,8 @@ class Scenario:
     """Measurement of the plant at the start."""
     fault: Exception | None = None
     """Exception that a component raised when it was reset: the run fails before its first step."""
-    warning: str = ""
-    """Warning of a small delay margin; empty if the margin is sufficient."""
+    warnings: Sequence[str] = ()
+    """Reasons why a robot may fall: too little torque, or a small margin of delay, damping or roll stiffness."""
     is_live: bool = field(init=False)
     """True if the plant is not simulated."""
     altered: frozenset[str] = field(init=False)
@@ -325,11 +326,13 @@ def make_scenario(
         plan = make_plan(config.nominal, mechanism, components["feedforward"].acts, recall)
         loop_delay = count_loop_delay(config, components["sensors"])
         lead = resolve_lead(config, loop_delay, controller)
-        warning = ""
+        warnings = list[str]()
         if isinstance(config.machine, RobotMachine) and isinstance(controller, HybridController):
-            warning = check_margin(config, controller.config, loop_delay)
+            warnings.append(check_margin(config, controller.config, loop_delay))
         if isinstance(config.machine, RobotMachine) and isinstance(controller, DriveController):
-            warning = check_drives(config, controller.config)
+            warnings.append(check_drives(config, controller.config))
+        if isinstance(config.machine, RobotMachine) and config.warn:
+            warnings += judge_walk(config, mechanism, plan).list_warnings()
         weights = read_weights(config) if learnt is None else learnt
         rate = resolve_rate(config, loop_delay, lead)
         setup = Setup(config, mechanism, plan, _start(config, plan), weights, lead, rate, recall)
@@ -341,4 +344,5 @@ def make_scenario(
         except Exception as error:
             first = new_measurement(*mechanism.shape)
             fault = error
-        return Scenario(setup, **components, first=first, fault=fault, warning=warning)
+        warnings = [text for text in warnings if text]
+        return Scenario(setup, **components, first=first, fault=fault, warnings=warnings)

@@ -22,6 +22,7 @@ from cmacexp.models.robot_legs import (
     find_free,
     find_joint,
     find_legs,
+    list_names,
     place_feet,
     require_frame,
     require_names,
@@ -40,6 +41,8 @@ DENSITIES = (5.0, 5000.0)
 """Least and largest mass over the cube of the length of a stretched leg, kg/m^3; measured robots have 76 to 320."""
 WIDEST = 3.0
 """Largest radius of gyration of a body over the length of a stretched leg."""
+LEAST_GYRATION = 3e-3
+"""Radius of gyration of a leg's link, m, up to which it counts as a point, or as a link without mass."""
 LIGHTEST = 1e-3
 """Fraction of the robot's mass above which the inertia of a body is checked."""
 RESOLUTION = 2.0**-24
@@ -314,6 +317,11 @@ def _read(
     limits = torque_limits(mujoco, model, joint)
     if np.isinf(limits).any():
         notes += ("joints without a torque limit: give them an effort, or an actuator with a range",)
+    links = model.jnt_bodyid[joint]
+    points = links[model.body_inertia[links].max(axis=2) <= LEAST_GYRATION**2 * model.body_mass[links]]
+    if points.size:
+        light = list_names(model.body(k).name for k in points)
+        notes += (f"links without mass or inertia, {light}: it may fall; give them an <inertia>",)
     if (model.jnt_stiffness[joint] > 0.0).any():
         notes += ("joints with springs, which planner and gains do not count: it may fall",)
     set_posture(model, data, joint, np.zeros(JOINTS))

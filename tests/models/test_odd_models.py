@@ -345,3 +345,14 @@ def test_a_urdf_walks_with_its_limits_and_losses_by_the_names_that_are_found(tmp
         f"machine.{name}={value}".replace("'", "") for name, value in zip(NAMES, (joints, feet, home), strict=True)
     ]
     require_walk([*ONE, *names, f"machine.path='{path}'", "sampling_period=0.0005"])
+
+
+ZERO = " ".join(f'i{axes}="0"' for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
+
+
+def test_links_without_inertia_are_named(tmp_path):
+    path = write_urdf(tmp_path)
+    path.write_text(path.read_text().replace('ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-5"', ZERO))
+    (note,) = (note for note in read(path, *find_names(path)).notes if "inertia" in note)
+    assert note.startswith("links without mass or inertia")
+    assert "_shank" in note

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import compose_config, make_mechanism
+from support.doors import compose_config, make_mechanism, make_scenario
 from support.robots import OWN, read
 
 from cmacexp.planning.machine import find_stance
+from cmacexp.planning.walk import Walk
 
 pytestmark = pytest.mark.ci
 HEIGHT = 0.28
@@ -47,3 +48,16 @@ def test_the_width_of_the_stance_counts_before_home():
         config = compose_config([*machine, f"gait.width={width}", "machine.home=[0.2,0.9,-1.8]"])
         left = make_mechanism(config.machine).hips[:, 1]
         assert_allclose(left[::2] - left[1::2], width, atol=1e-12)
+
+
+@pytest.mark.parametrize(("width", "is_narrow"), [(0.1, True), (0.25, False)])
+def test_a_run_says_that_its_stance_is_narrow_unless_warnings_are_off(width, is_narrow):
+    machine = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}", f"gait.width={width}")
+    warnings = make_scenario(compose_config(machine)).warnings
+    assert ["use a larger gait.width or posture.gain" in text for text in warnings] == [True] * is_narrow
+    assert not make_scenario(compose_config([*machine, "warn=false"])).warnings
+
+
+def test_torques_beyond_the_limits_are_named():
+    walk = Walk(np.ones(3), share=np.array([1.1, 0.9, 2.0]), widths=np.ones(2), margin=np.nan, roll_stiffness=np.nan)
+    assert walk.list_warnings() == ["hip and calf need more torque than the model has: it may fall"]
