@@ -42,7 +42,7 @@ from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.registry import make_rows
 from cmacexp.planning import Recall
-from cmacexp.terminal.messages import describe_drift, describe_idle, format_outcome
+from cmacexp.terminal.messages import describe_drift, describe_idle
 from cmacexp.typing import Status
 
 PART_SECONDS = 1.0
@@ -293,5 +293,6 @@ def _describe_end(item: JobItem, run: Run | None, is_new: bool) -> tuple[str, bo
     if run.status == Status.FAILED:
         name = f"#{item.number}" if run.manifest["bad_input"] is not None else name
         return f"error: {name}: {run.manifest['cause']}", True
-    notes = format_outcome(run), describe_drift(run), describe_idle(run)
+    ended = f"{run.ending}, {run.manifest['wall_seconds']:.2f} s"
+    notes = ended, describe_drift(run), describe_idle(run)
     return f"{name}: {'; '.join(filter(None, notes))}", False

@@ -173,12 +173,13 @@ def warn_of_other_mode(overrides: Iterable[str], group: str, reason: str) -> Non
             print_line(f"warning: {text} has no effect: {reason}", error=True)
 
 
-def format_outcome(result: Run, separator: str = ": ") -> str:
-    """Format how a run ended and, after ``separator``, its number of steps and its computing time."""
+def _list_outcome(result: Run) -> list[str]:
+    """List how a run ended, and its number of steps and computing time, in a line of their own after a cause."""
     manifest = result.manifest
     steps = manifest["steps"]
     per_step = f", loop {manifest['rollout_seconds'] / steps * 1e6:.2f} us a step" if steps else ""
-    return f"{result.ending}{separator}{steps} steps in {manifest['wall_seconds']:.2f} s{per_step}"
+    times = f"{steps} steps in {manifest['wall_seconds']:.2f} s{per_step}"
+    return [result.ending, times] if manifest["cause"] else [f"{result.ending}: {times}"]
 
 
 def describe_drift(result: Run) -> str:
@@ -247,7 +248,7 @@ def _list_notes(result: Run) -> Iterator[str]:
 def print_summary(result: Run) -> None:
     """Print the metrics of a run, its outcome and notes, commands for a closer look, and its folder."""
     scores = result.scores
-    lines = format_outcome(result, "\n" if result.manifest["cause"] else ": ").split("\n")
+    lines = _list_outcome(result)
     if scores.legs.num_rows:
         print_scores(scores, Path(format_folder(result.folder)))
         lines = ["", *lines]
