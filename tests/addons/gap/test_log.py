@@ -66,10 +66,14 @@ def test_names_and_units_are_options_and_another_format_needs_a_reader_of_a_few_
     np.testing.assert_allclose(log.time, TIME)
 
 
+def test_a_folder_that_is_no_bag_is_refused(tmp_path):
+    with pytest.raises(BadInput, match="is a folder, and no bag of ROS 2"):
+        read_log(tmp_path)
+
+
 WRONG = {
     "no such file": ({"path": "nowhere.csv"}, "there is no such file"),
     "format": ({"path": "log.xyz"}, "name a reader"),
-    "a folder": ({"path": "."}, "is a folder, and no bag of ROS 2"),
     "no angles": ({"rename": {f"q_{name}": f"x_{name}" for name in NAMES}}, "no measured angles .*--names angle="),
     "no time": ({"rename": {"time": "clock"}}, "no column of time"),
     "one command": ({"rename": {"q_des_wrist": "q_dse_wrist"}}, "no column q_des_wrist .*did you mean q_dse_wrist"),
