@@ -25,6 +25,9 @@ STRUCTURE = 0.005
 """Standard error that a fit of measured torques has at least, over the size of its term: what the models of joints
 lack, such as backlash, is no noise. Of an inertia the size is that of all the joint moves, of an offset at least its
 friction."""
+BETWEEN_ROWS = 0.25
+"""Standard error of an inertia over kd times the period of the log, and of viscous friction over kp times it: whether
+a drive computes once a row or between rows too, which changes them by half of that, is not known."""
 EVALUATIONS = 25
 """Largest number of replays in one optimisation."""
 
@@ -164,13 +167,18 @@ class _BlockFit:
         errors, slopes = self._compare(x)
         information = slopes.T @ slopes / measure_variance(errors) + np.eye(len(x))
         self.x, self.covariance = x, np.linalg.inv(information) * np.outer(self.scale, self.scale)
+        log = self.problem.signals.log
+        values = self.get_values(x)
+        floor = np.zeros_like(values)
+        if log.has_drives:
+            gains = np.column_stack([log.kd, log.kp])[self.joints]
+            floor[:, :2] = BETWEEN_ROWS * log.period * gains  # rotor inertia and viscous friction
         if self.problem.signals.is_measured:
-            values = self.get_values(x)
             size = np.abs(values)
             size[:, 0] += np.diagonal(self.expansion.mass, axis1=1, axis2=2).mean(axis=0)
             size[:, SIGNED] = np.maximum(size[:, SIGNED], values[:, OWN:].mean(axis=1, keepdims=True))
-            floor = STRUCTURE * size[:, self.level.free].ravel()
-            self.covariance[np.arange(self.delay), np.arange(self.delay)] += floor**2
+            floor = np.hypot(floor, STRUCTURE * size)
+        self.covariance[np.arange(self.delay), np.arange(self.delay)] += floor[:, self.level.free].ravel() ** 2
 
     def _improve(self, first: Array, fitted: Mask) -> Array:
         """Return ``first`` with the parameters ``fitted`` (a mask) optimised; errors at ``first`` weigh the prior."""

@@ -155,7 +155,9 @@ def read_log(
 def _load(path: Path, reader: Reader | None) -> dict[str, NDArray[Any]]:
     """Read the columns (n,) of a file, or of a folder that is a bag of ROS; raise BadInput."""
     is_log = reader is not None or path.is_file() or (path / "metadata.yaml").is_file()
-    require(is_log, KEY, path, "is a folder, and no bag of ROS 2, which has a metadata.yaml: give the file of the log")
+    require(
+        is_log, KEY, path, "is a folder, and no bag of ROS 2, which has a metadata.yaml: give the file of the log"
+    )
     suffixes = [suffix.lower() for suffix in path.suffixes if suffix.lower() not in COMPRESSED]
     reader = reader or (read_bag if path.is_dir() else READERS.get(suffixes[-1] if suffixes else ""))
     if reader is None:

@@ -3,12 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from support.doors import BadInput
 from support.machines import KINDS, make_machines
 
 from cmacexp.addons.gap.analysis import measure
 from cmacexp.addons.gap.identify import LEVELS, fit
+from cmacexp.addons.gap.log import read_log
 from cmacexp.addons.gap.machine import read_machine
 from cmacexp.addons.gap.problem import NAMES, Problem
 from cmacexp.addons.gap.signals import Signals
@@ -63,3 +65,36 @@ def test_intervals_contain_the_truth_in_93_percent_of_25_machines(kind, tmp_path
     inside = list_inside(kind, 25, tmp_path)
     assert len(inside) > 60
     assert np.mean(inside) >= 0.93
+
+
+SLIDE = """<mujoco><worldbody><body><joint name="slide" type="slide" axis="1 0 0"/>
+<geom type="box" size=".1 .1 .1" mass="8"/></body></worldbody></mujoco>"""
+
+
+def write_slide(folder):
+    """A log of 10 kg with 20 N s/m and 3 N, whose drive computes ten times a row; its model has 8 kg."""
+    period, parts = 0.002, 10
+    time = np.arange(0.0, 24.0, period)
+    phase = 0.5 * np.pi * time
+    command = 0.1 * (1.0 - np.cos(phase)) + 0.02 * np.sin(3.0 * phase)
+    q, v, rows = float(command[0]), 0.0, []
+    for target in command.tolist():
+        rows.append((round(q, 5), target, 4000.0 * (target - q) - 80.0 * v))
+        for _ in range(parts):
+            v += (4000.0 * (target - q) - 100.0 * v - 3.0 * np.tanh(1e3 * v)) / 10.0 * period / parts
+            q += v * period / parts
+    columns = ["q_slide", "q_des_slide", "tau_slide"]
+    pd.DataFrame(rows, columns=columns).assign(time=time).to_csv(folder / "slide.csv", index=False)
+    (folder / "slide.xml").write_text(SLIDE)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("is_measured", [True, False])
+def test_an_interval_counts_that_a_drive_may_compute_between_rows(is_measured, tmp_path, compiled):
+    write_slide(tmp_path)
+    log = read_log(tmp_path / "slide.csv", gains={"kp": [4000.0], "kd": [80.0]})
+    log = log if is_measured else replace(log, torque=None)
+    problem = Problem(Signals(log), read_machine(str(tmp_path / "slide.xml"), log.joints))
+    fitted = fit(problem, LEVELS[0], np.ones(len(log.time), dtype=bool))
+    apart = np.abs(fitted.values[0, :2] - [2.0, 20.0]) / fitted.deviation[0, :2]
+    assert (apart < 1.96).all()
