@@ -13,13 +13,12 @@ from cmacexp.config.compose import compose_config
 from cmacexp.config.describe import describe_fields, flatten_config
 from cmacexp.config.machine import LEG_NAMES, RobotMachine, read_model
 from cmacexp.errors import BadInput, require, suggest
-from cmacexp.loop.margin import find_sampled_limit
+from cmacexp.loop.margin import JOINT_NAMES, find_sampled_limit, judge_walk
 from cmacexp.metrics.registry import format_number
 from cmacexp.models.robot import Robot
 from cmacexp.models.robot_gains import DriveGains, derive_basis, find_joint_margin
 from cmacexp.planning.machine import make_mechanism
 from cmacexp.planning.plan import make_plan
-from cmacexp.planning.walk import JOINT_NAMES, judge_walk
 from cmacexp.terminal.messages import print_table, warn_of_models
 from cmacexp.terminal.output import print_line
 

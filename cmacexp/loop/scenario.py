@@ -19,7 +19,7 @@ from cmacexp.data.weights import read_weights
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_install_command, require
 from cmacexp.jit.compiler import workload
 from cmacexp.jit.interrupt import exits_caught
-from cmacexp.loop.margin import check_drives, check_margin
+from cmacexp.loop.margin import check_drives, check_margin, judge_walk
 from cmacexp.loop.validation import (
     SIGNAL_NAMES,
     copy_measurement,
@@ -31,7 +31,6 @@ from cmacexp.loop.validation import (
 from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.planning import Plan, Recall, Setup, make_plan
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
-from cmacexp.planning.walk import judge_walk
 from cmacexp.plants import AnalyticPlant
 from cmacexp.plants.instruments import new_instruments
 from cmacexp.protocols import (

@@ -7,7 +7,6 @@ from support.doors import compose_config, make_mechanism, make_scenario
 from support.robots import OWN, read
 
 from cmacexp.planning.machine import find_stance
-from cmacexp.planning.walk import Walk
 
 pytestmark = pytest.mark.ci
 HEIGHT = 0.28
@@ -56,8 +55,3 @@ def test_a_run_says_that_its_stance_is_narrow_unless_warnings_are_off(width, is_
     warnings = make_scenario(compose_config(machine)).warnings
     assert ["use a larger gait.width or posture.gain" in text for text in warnings] == [True] * is_narrow
     assert not make_scenario(compose_config([*machine, "warn=false"])).warnings
-
-
-def test_torques_beyond_the_limits_are_named():
-    walk = Walk(np.ones(3), share=np.array([1.1, 0.9, 2.0]), widths=np.ones(2), margin=np.nan, roll_stiffness=np.nan)
-    assert walk.list_warnings() == ["hip and calf need more torque than the model has: it may fall"]

@@ -68,4 +68,5 @@ def test_a_changed_constant_is_noticed_and_equal_values_confirm_a_study(monkeypa
     again = PublishedResults(json.loads(results.format()))
     assert again.find_state(name).state == "equal"
     monkeypatch.setattr("pipelines.results.digest_package", lambda: {"cmacexp/new.py": "1"})
+    again = PublishedResults(json.loads(results.format()))
     assert again.find_state(name).state == "changed"

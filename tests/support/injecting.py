@@ -245,7 +245,8 @@ def disturb(case: Case, root: Path, call: str, when: int, how: str) -> int:
         wrong += [f"again {text}" for text in list_wrong(case, root, again, is_again=True)]
     else:
         wrong = ["missed"]
-    print(f"{case.name} {call}:{how}:when={when} exit {code}: {'; '.join(wrong) or 'fine'}", flush=True)
+    line = f"{case.name} {call}:{how}:when={when} exit {code}: {'; '.join(wrong) or 'fine'}\n"
+    os.write(sys.stdout.fileno(), line.encode())  # at once: another worker writes too
     return 0
 
 
