@@ -27,11 +27,12 @@ from cmacexp.jit.interrupt import exits_caught
 _MISSING = object()
 """Default for keys that a config lacks."""
 Node = DictConfig | Mapping[str, Any]
-_VALUE = r"(?:-?(?:0|[1-9]\d*)(?:\.\d+)?(?:e-?\d+)?|(?!(?:nan|inf|infinity)\b)[a-z][a-z_]*\d*)"
+_VALUE = r"(?:True|False|-?(?:0|[1-9]\d*)(?:\.\d+)?(?:e-?\d+)?|(?!(?:nan|inf|infinity)\b)[a-z][a-z_]*\d*)"
 _PLAIN = re.compile(rf"([a-z]\w*(?:\.\w+)*)=({_VALUE}|\[{_VALUE}(?:, ?{_VALUE})*\])")
 """An override that sets a number, a word in lower case, or a list of these: key and value."""
 
 
+@lru_cache(4096)
 def parse_override(override: str) -> Any:
     """Parse an override with Hydra."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -215,8 +216,8 @@ def set_plain_values(base: Any, overrides: Iterable[str], referred: frozenset[st
 
 def parse_value(text: str) -> Any:
     """Parse a value as typed on the command line: a number, true, false, null, else text."""
-    if text in ("true", "false"):
-        return text == "true"
+    if text.lower() in ("true", "false"):  # Hydra writes True and False into the overrides of jobs
+        return text.lower() == "true"
     for kind in (int, float):
         with suppress(ValueError):
             return kind(text)

@@ -8,7 +8,7 @@ from numpy.testing import assert_array_equal
 from support.doors import BadInput, make_mechanism
 
 from cmacexp.config import config_folder, to_config
-from cmacexp.config.compose import compose_config, compose_untyped
+from cmacexp.config.compose import compose_config, compose_untyped, set_plain_values
 
 COMMANDS = [
     [],
@@ -77,6 +77,10 @@ def test_a_config_is_that_of_hydra_whatever_was_composed_before(overrides):
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         expected = to_config(compose("config", overrides))
     assert compose_config(overrides) == expected
+
+
+def test_a_flag_of_a_job_as_hydra_writes_it_is_set_without_hydra():
+    assert set_plain_values(compose_config([]), ["warn=False"]) == compose_config(["warn=false"])
 
 
 def test_the_file_of_a_scenario_that_lacks_its_first_line_is_refused_with_that_line(tmp_path):
