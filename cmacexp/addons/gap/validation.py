@@ -18,6 +18,8 @@ from cmacexp.addons.gap.signals import Signals, differentiate, low_pass
 from cmacexp.typing import Array, Mask
 
 IDENTIFIED = "identified, refitted after every second stroke"
+OFTEN = 12
+"""Number of strokes up to which the plant is fitted again after every second one."""
 ABOVE = "CMAC over phase"
 """Table that is combined with the identified plant, beside ILC."""
 SETTLE = 0.2
@@ -190,8 +192,9 @@ def refuse_parameters(problem: Problem, fitted: Fit) -> Iterator[str]:
 class Identified:
     """A predictor that replays the plant fitted to all strokes so far; it is fitted again after every second stroke.
 
-    Until the first fit, ``before`` predicts. ``identify_to`` returns the fit to all strokes up to a given one, and
-    the torque (n, J) of the drives in its replay, N m.
+    Beyond OFTEN strokes twice as many lie between two fits each time that their number doubles, since a fit takes
+    longer with every stroke. Until the first fit, ``before`` predicts. ``identify_to`` returns the fit to all strokes
+    up to a given one, and the torque (n, J) of the drives in its replay, N m.
     """
 
     def __init__(self, signals: Signals, before: Learner, identify_to: Callable[[int], tuple[Fit, Array]]):
@@ -205,9 +208,10 @@ class Identified:
         return self.torque[rows] if self.torque.size else self.before.predict(rows)
 
     def learn(self, rows: slice, torque: Array) -> None:
-        """Fit the plant to the measured angles of all strokes so far, after every second one."""
+        """Fit the plant to the measured angles of all strokes so far, if it is time."""
         stroke = int(self.signals.stroke[rows.start])
-        if stroke % 2 == 0 and stroke < self.signals.count:
+        between = 2 << ((stroke - 1) // OFTEN).bit_length()
+        if stroke % between == 0 and stroke < self.signals.count:
             _, self.torque = self.identify_to(stroke)
 
 
@@ -217,12 +221,11 @@ def list_identified(problem: Problem, level: Level, before: Maker) -> Mapping[st
     ``before`` makes the learner that predicts until the first fit. All of them share the fits and their replays.
     """
     signals = problem.signals
-
     fits: dict[int, tuple[Fit, Array]] = {}
 
     def identify_to(stroke: int) -> tuple[Fit, Array]:
         if stroke not in fits:
-            start = identify_to(stroke - 2)[0].values if stroke > 2 else None
+            start = fits[max(fits)][0].values if fits else None
             fitted = fit(problem, level, rows_of(signals, 1, stroke), start)
             fits[stroke] = fitted, signals.compute_torque(replay_fit(problem.apply(fitted.masses), fitted))
         return fits[stroke]
