@@ -16,10 +16,9 @@ from cmacexp.errors import require
 from cmacexp.feedforward import Learns, Plays
 from cmacexp.feedforward.kernels import TABLE, FeedforwardParams
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
-from cmacexp.loop.guard import Guard
+from cmacexp.loop.guard import CustomWeights, Guard, NetworkWeights, SavedWeights
 from cmacexp.loop.parts import ControlPart, Loop, LoopPlan, PlantPart, SensorPart, Torques
 from cmacexp.loop.probe import FIRST_LEARNING
-from cmacexp.loop.saved_weights import CustomWeights, NetworkWeights, SavedWeights
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.stop import new_limits
 from cmacexp.planning.stability import STABILITY

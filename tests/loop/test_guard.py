@@ -5,9 +5,8 @@ import pytest
 from support.doors import BadInput, make_scenario, roll_out
 
 import cmacexp
-from cmacexp.loop.guard import Cause, Guard
+from cmacexp.loop.guard import Cause, Guard, NetworkWeights, SavedWeights
 from cmacexp.loop.guard_kernels import Phase
-from cmacexp.loop.saved_weights import NetworkWeights, SavedWeights
 
 LASTING = ("scenario=one_leg", "learning=lasting", "learning.rate=0.1953125", "warn=false")
 QUICK = (*LASTING, "gait.cycle_time=0.2", "gait.lift=0.005")
