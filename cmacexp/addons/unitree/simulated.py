@@ -52,7 +52,7 @@ BELLY = 0.07
 SPIN = 2e-4
 """Time before a state is due in which the process polls instead of sleeping, s."""
 IDLE = 5.0
-"""Time without a command, except for damping, after which the simulation ends, s, once it has received one."""
+"""Time without a command that moves the robot after which the simulation ends, s, once it has received one."""
 LONGEST = 3600.0
 """Time after which the simulation ends even if commands continue, s."""
 PATIENCE = 0.5
@@ -198,8 +198,9 @@ def play(robot: SimulatedRobot, domain: int, fault: Fault, patient: bool) -> str
     while (now := time.perf_counter()) < end and (not commands or now - last_command < IDLE):
         command = wire.receive(PATIENCE if patient and commands else 0.0)
         if command is not None and (command := fault.spoil_command(command, age)) is not None:
-            last_command = last_command if commands and is_damping(command) else now
-            commands += 1
+            moves = not is_damping(command)  # the guardian of an earlier run may still damp the robot
+            last_command = now if moves else last_command
+            commands += moves or commands > 0
             robot.take(command)
         robot.step()
         robot.fill(state)

@@ -115,6 +115,7 @@ def test_a_robot_walks_over_the_wire_and_a_fault_ends_it_in_damping(tmp_path):
             stderr=subprocess.PIPE,
             text=True,
         )
+        assert run.returncode == code, run.stderr
         manifest = json.loads((tmp_path / fault / "manifest.json").read_text())
         assert (run.returncode, [each["stage"] for each in manifest["plant"]["stages"]][-2:]) == (code, stages)
         assert manifest["plant"]["trouble"] is None
