@@ -21,7 +21,7 @@ BLOCK = re.compile(r"(<!-- generated: (\w+)(?: ([^\n]*))? -->\n).*?(<!-- end -->
 FIRST_RUN = ("transfer_rmse_x", "transfer_rmse_y", "force_rmse")
 """Metrics of the table of a first run."""
 LOG_METHODS = {
-    "identified, refitted after every second stroke": "plant identified from earlier strokes",
+    "identified from earlier strokes": "plant identified from earlier strokes",
     "model and CMAC over phase": "nominal model and CMAC over phase",
     "stroke before": "repeating the stroke before",
     "CMAC over phase": "CMAC over phase",

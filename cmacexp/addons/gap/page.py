@@ -11,6 +11,7 @@ import numpy as np
 from cmacexp.addons.gap.analysis import FIRST, GENERIC, Gap
 from cmacexp.addons.gap.problem import NAMES, SIGNED
 from cmacexp.addons.gap.signals import SMOOTHING_WINDOW
+from cmacexp.addons.gap.validation import OFTEN
 from cmacexp.cmac.rules import derive_rate
 from cmacexp.data.folder import OUT_KEY, new_result
 from cmacexp.data.manifest import REPORT
@@ -261,6 +262,7 @@ def write_page(gap: Gap, folder: Path) -> Path:
         "window": SMOOTHING_WINDOW,
         "generic": GENERIC,
         "first": FIRST,
+        "often": OFTEN,
     }
     with new_result(folder, OUT_KEY, REPORT) as result:
         result.write_text(JSON, json.dumps(values, indent=1) + "\n")

@@ -17,7 +17,7 @@ from cmacexp.addons.gap.replay import Expansion, make_drive
 from cmacexp.addons.gap.signals import Signals, differentiate, low_pass
 from cmacexp.typing import Array, Mask
 
-IDENTIFIED = "identified, refitted after every second stroke"
+IDENTIFIED = "identified from earlier strokes"
 OFTEN = 12
 """Number of strokes up to which the plant is fitted again after every second one."""
 ABOVE = "CMAC over phase"

@@ -38,7 +38,7 @@ def test_a_log_becomes_a_page_with_the_joints_that_made_it(tmp_path):
     distance = found["validation"]["distance"]
     assert distance["identified"]["last"] < 1.0 < distance["model"]["last"]
     left = found["left"]
-    assert left["identified, refitted after every second stroke"]["value"] < 5.0 < left["stroke before"]["value"]
+    assert left["identified from earlier strokes"]["value"] < 5.0 < left["stroke before"]["value"]
     assert all(own["low"] <= own["value"] <= own["high"] for own in left.values())
     acting = found["acting"]["with_velocity"]
     assert acting["inverse dynamics of the identified joints"]["tracking"]["worst"] < 15.0
@@ -59,7 +59,7 @@ def test_a_real_go2_is_identified_on_strokes_that_the_fit_did_not_see(tmp_path, 
     assert distance["identified"]["middle"] < 2.6
     assert distance["identified"]["last"] < 4.0
     assert distance["identified, the reverse"]["before"] < 2.6
-    own = found["left"]["identified, refitted after every second stroke"]
+    own = found["left"]["identified from earlier strokes"]
     assert own["value"] < 7.0
     assert own["fastest"]["value"] < 11.0
     assert own["frozen"]["fastest"]["value"] < 13.0
