@@ -6,10 +6,11 @@ import numpy as np
 
 from benchmarks.c_loop import planned_inputs
 from benchmarks.peers import NumpyCmac, Peer, installed
-from benchmarks.timing import Row, Table, compared, in_turn, make_config, ratio, stopwatch
+from benchmarks.timing import Row, Table, compared, in_turn, ratio, stopwatch
 from cmacexp.cmac.addressing import Address, InputRange, address, spanning
 from cmacexp.cmac.memory import read, train
 from cmacexp.cmac.network import Cmac
+from cmacexp.config.compose import compose_config
 from cmacexp.jit.compiler import program
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.typing import Array, Cells
@@ -52,7 +53,7 @@ def per_sample(work: Callable[[], object], samples: int) -> Callable[[], float]:
 
 def inside(inputs: int, rounds: int) -> list[Row]:
     """Time predict and update per sample inside a compiled loop, on the planned path of one leg."""
-    config = make_config("scenario=one_leg", f"cmac.inputs={INPUTS[inputs]}")
+    config = compose_config(["scenario=one_leg", f"cmac.inputs={INPUTS[inputs]}"])
     path = planned_inputs(make_scenario(config))
     cmac = Cmac.from_config(config.cmac, spanning(path, config.cmac.range_factor))
     cells = cmac.cells(path)
@@ -84,7 +85,7 @@ def outside(inputs: int, rounds: int) -> list[Row]:
     """Time predict and update from Python at random inputs, in a batch and singly, against NumPy and tile coders."""
     rng = np.random.default_rng(1)
     ranges = InputRange(-np.ones(inputs), np.ones(inputs))
-    cmac = Cmac.from_config(make_config("scenario=one_leg").cmac, ranges)
+    cmac = Cmac.from_config(compose_config(["scenario=one_leg"]).cmac, ranges)
     x = rng.uniform(-1.0, 1.0, size=(BATCH, inputs))
     error = rng.normal(size=(BATCH, 2))
     plain = NumpyCmac(cmac.address, cmac.weights, RATE)

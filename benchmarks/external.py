@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.timing import Row, Table, compared, in_turn, make_config
+from benchmarks.timing import Row, Table, compared, in_turn
 from cmacexp.config import Config
+from cmacexp.config.compose import compose_config
 from cmacexp.control import Action
 from cmacexp.data.signals import ARRAYS
 from cmacexp.loop.scenario import Scenario, make_scenario
@@ -107,7 +108,7 @@ def tables(quick: bool) -> list[Table]:
     """Return the overhead with each component external, and with all of them, in both scenarios."""
     rows: list[Row] = []
     for scenario in ("one_leg", "quadruped"):
-        config = make_config(f"scenario={scenario}", "learning.start_cycle=1")
+        config = compose_config([f"scenario={scenario}", "learning.start_cycle=1"])
         recorded = answers(config)
         sets = {key: {key: recorded[key]} for key in recorded}
         sets["all"] = {key: outputs for key, outputs in recorded.items() if key != "feedforward"}

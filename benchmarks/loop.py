@@ -10,8 +10,9 @@ import numpy as np
 
 from benchmarks import external
 from benchmarks.c_loop import COLUMNS, build, compiler, run_in_c
-from benchmarks.timing import Row, Table, compared, in_turn, make_config, python, time_step
+from benchmarks.timing import Row, Table, compared, in_turn, python, time_step
 from cmacexp.config import Config
+from cmacexp.config.compose import compose_config
 from cmacexp.loop import run_cycles
 from cmacexp.loop.scenario import make_scenario
 
@@ -76,13 +77,13 @@ def against_c(name: str, config: Config, rounds: int, target: str) -> list[Row]:
 def scenarios(rounds: int) -> Table:
     """Compare each scenario with plain Python, and one leg with C."""
     # With the paper's lead of 0, learning diverges before step 600,000.
-    one_leg = make_config("scenario=one_leg", "cycles=1000", "learning.lead=auto")
+    one_leg = compose_config(["scenario=one_leg", "cycles=1000", "learning.lead=auto"])
     rows = against_c("one_leg, 600,000 steps", one_leg, rounds, "0.70")
-    both = {name: per_step(make_config(f"scenario={name}")) for name in ("quadruped", "one_leg")}
+    both = {name: per_step(compose_config([f"scenario={name}"])) for name in ("quadruped", "one_leg")}
     times = in_turn(both, rounds)
     rows.append(compared(times, "quadruped", "quadruped", "one_leg", "one leg", f"{MOST_OF_A_LEG}", MOST_OF_A_LEG))
     for name, target in TARGETS.items():
-        times = in_turn({"loop": per_step(make_config(f"scenario={name}"))}, rounds)
+        times = in_turn({"loop": per_step(compose_config([f"scenario={name}"]))}, rounds)
         times["python"] = [in_plain_python(name)]
         rows.append(compared(times, name, "loop", "python", "same source in plain Python", target))
     return Table(
@@ -110,8 +111,8 @@ def growth(rounds: int, cycles: int) -> Table:
     # Learning from the first cycle on, else the short run has a larger share of cycles without it; and slowly, since
     # the published law at its published rate diverges after some 170 cycles.
     one_leg = ["scenario=one_leg", "learning.start_cycle=1", "learning.rate=0.001"]
-    short, long = (make_config(*one_leg, f"cycles={n}") for n in (10, cycles))
-    small, large = (make_config(*one_leg, "cycles=10", f"cmac.memory_bytes={n}") for n in (4096, 2**20))
+    short, long = (compose_config([*one_leg, f"cycles={n}"]) for n in (10, cycles))
+    small, large = (compose_config([*one_leg, "cycles=10", f"cmac.memory_bytes={n}"]) for n in (4096, 2**20))
     ten = per_step(short)
     draws = cycles // 2 // 10  # as many tens of cycles as the long run gives
     lengths = in_turn({"short": lambda: min(ten() for _ in range(draws)), "long": late_cycles(long)}, rounds)

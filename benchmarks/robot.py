@@ -3,7 +3,8 @@
 from collections.abc import Callable
 
 from benchmarks.loop import per_step
-from benchmarks.timing import Table, compared, in_turn, make_config, stopwatch
+from benchmarks.timing import Table, compared, in_turn, stopwatch
+from cmacexp.config.compose import compose_config
 from cmacexp.errors import BadInput
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants.mujoco_robot import MujocoRobot
@@ -35,7 +36,7 @@ def tables(quick: bool) -> list[Table]:
     rows = []
     for ground, plant in PLANTS.items():
         try:
-            config = make_config("scenario=robot", f"machine={ROBOT}", f"plant={plant}", "cycles=2")
+            config = compose_config(["scenario=robot", f"machine={ROBOT}", f"plant={plant}", "cycles=2"])
         except BadInput:
             return []
         robot = make_scenario(config).plant

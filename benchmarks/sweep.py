@@ -86,14 +86,13 @@ def _count(start: Start, folder: Path, quick: bool) -> list[Table]:
     sweeping = stopwatch(_sweep(start, "many", many, "record=metrics"))()
     loading = stopwatch(start("-c", LOAD, "metrics"))()
     importing = stopwatch(start("-c", "import cmacexp, pandas"))()
-    rows.append(_elapsed(f"{many} runs, `record=metrics`, elapsed", sweeping, "2 min for 10,000"))
-    rows.append(_elapsed(f"`load_sweep` of {runs} runs, elapsed", loading - importing, "2 s for 1,000"))
+    for what, seconds, target in (
+        (f"{many} runs, `record=metrics`, elapsed", sweeping, "2 min for 10,000"),
+        (f"`load_sweep` of {runs} runs, elapsed", loading - importing, "2 s for 1,000"),
+    ):
+        rows.append(Row(what, format_time(seconds), "", None, target))
     size, files = zip(*(_measure(folder / kind, runs) for kind in ("trace", "metrics")), strict=True)
     return [Table("Many runs of one leg, processor time a job", rows), _extrapolate(used, size, files, runs)]
-
-
-def _elapsed(what: str, seconds: float, target: str) -> Row:
-    return Row(what, format_time(seconds), "", None, target)
 
 
 def _measure(folder: Path, runs: int) -> tuple[float, float]:

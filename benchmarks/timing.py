@@ -16,8 +16,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from cmacexp.config import Config
-from cmacexp.config.compose import compose_config
 from cmacexp.loop import run_cycles
 from cmacexp.loop.scenario import Scenario
 
@@ -132,18 +130,3 @@ def python(*arguments: str, folder: Path, **environment: str) -> None:
     if done.returncode:
         print(done.stderr[-2000:], file=sys.stderr)
         done.check_returncode()
-
-
-def make_config(*overrides: str) -> Config:
-    """Return the checked config for the overrides of a command line."""
-    return compose_config(overrides)
-
-
-def markdown(table: Table) -> str:
-    """Format a table as Markdown."""
-    head = ["", "time", "compared with", "ratio", "target"]
-    lines = [f"### {table.title}", "", "| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-    for row in table.rows:
-        ratio_text = "" if row.ratio is None else f"{row.ratio:.3g}"
-        lines.append(f"| {row.what} | {row.time} | {row.against} | {ratio_text} | {row.target} |")
-    return "\n".join(lines + (["", table.note] if table.note else []))

@@ -8,7 +8,8 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
-from benchmarks.timing import Row, Table, compared, in_turn, make_config, stopwatch
+from benchmarks.timing import Row, Table, compared, in_turn, stopwatch
+from cmacexp.config.compose import compose_config
 from cmacexp.data.tables import write_table
 from cmacexp.loop.driver import Driver
 from cmacexp.loop.samples import make_samples
@@ -23,7 +24,7 @@ def _size(path: Path) -> str:
 
 def of_run(cycles: int, folder: Path, rounds: int) -> list[Row]:
     """Time writing the trace of one leg, from samples in memory to a complete file."""
-    config = make_config("scenario=one_leg", f"cycles={cycles}")
+    config = compose_config(["scenario=one_leg", f"cycles={cycles}"])
     scenario = make_scenario(config)
     samples, body = make_samples(config.cycles * config.steps_per_cycle, config.legs, wide=False)
     assert Driver(scenario, None).run(samples, body) == RUNNING
