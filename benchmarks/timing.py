@@ -47,13 +47,8 @@ class Table(NamedTuple):
 
 def in_turn(workers: dict[str, Callable[[], float]], rounds: int) -> Times:
     """Call every worker once per round and collect its times, s; a first round is not counted."""
-    times: Times = {name: [] for name in workers}
-    for counted in [False] + [True] * rounds:
-        for name, work in workers.items():
-            seconds = work()
-            if counted:
-                times[name].append(seconds)
-    return times
+    first, *counted = [{name: work() for name, work in workers.items()} for _ in range(rounds + 1)]
+    return {name: [times[name] for times in counted] for name in first}
 
 
 def ratio(times: Times, name: str, base: str) -> float:
@@ -130,3 +125,13 @@ def python(*arguments: str, folder: Path, **environment: str) -> None:
     if done.returncode:
         print(done.stderr[-2000:], file=sys.stderr)
         done.check_returncode()
+
+
+def markdown(table: Table) -> str:
+    """Format a table as Markdown."""
+    head = ["", "time", "compared with", "ratio", "target"]
+    lines = [f"### {table.title}", "", "| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for row in table.rows:
+        ratio_text = "" if row.ratio is None else f"{row.ratio:.3g}"
+        lines.append(f"| {row.what} | {row.time} | {row.against} | {ratio_text} | {row.target} |")
+    return "\n".join(lines + (["", table.note] if table.note else []))
