@@ -243,7 +243,7 @@ class _Table:
             command is not None or torque is not None,
             KEY,
             self.path,
-            "has neither commanded angles nor torques; name them, --names command=NAME_{joint}",
+            "has neither commanded angles nor torques: name them, --names command=..., or torque=NAME_{joint}",
         )
         for key, gain in {"--kp": log.kp, "--kd": log.kd}.items():
             require(

@@ -50,8 +50,8 @@ def read_csv(path: Path) -> Columns:
     """Read the columns of a text file, perhaps compressed; lines ``# NAME: VALUE`` declare units or gains.
 
     Columns are separated by semicolons, tabs, commas or spaces; beside separators other than commas, numbers may have
-    decimal commas. Without a line of names their numbers, from 1 on, are their names; a line of names may begin with
-    ``#``.
+    decimal commas. A column without a name has its number, from 1 on, as name; a line of names may begin with ``#``.
+    Raises ValueError if two columns have one name.
     """
     import io
 
@@ -71,6 +71,9 @@ def read_csv(path: Path) -> Columns:
     if has_numbers := all(is_number(name.replace(decimal, ".")) for name in names):
         heads = [_split(line[1:].strip(), separator) for line in lines if line.startswith("#")]
         names = next((head for head in heads if len(head) == len(names)), [str(k + 1) for k in range(len(names))])
+    names = [name or str(k + 1) for k, name in enumerate(names)]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ValueError(f"its column {twice[0]} comes twice")
     text = io.StringIO("\n".join(rows if has_numbers else rows[1:]))
     frame = pandas.read_csv(text, sep=separator, names=names, decimal=decimal, skipinitialspace=True, index_col=False)
     return {**{name: frame[name].to_numpy() for name in names}, **declared}

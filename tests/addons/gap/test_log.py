@@ -30,7 +30,7 @@ def write_parquet(path):
 
 
 def write_csv(path):
-    text = pd.DataFrame(columns("pos_{}", "cmd_{}", "t")).to_csv(index=False, sep=";")
+    text = pd.DataFrame(columns("pos_{}", "cmd_{}", "t")).to_csv(index=False, sep=";").replace("\n", ";;\n")
     path.write_text(f"# kp: 20\n# kd: 1,2,3\n{text}")
 
 
@@ -82,6 +82,7 @@ WRONG = {
     "unit": ({"units": {"angle": "grad"}}, "is no unit of angle"),
     "quantity": ({"names": {"angel": "q_{joint}"}}, "is no quantity"),
     "text": ({"rename": {"note": "q_wrist", "q_wrist": "other"}}, "holds no numbers in column q_wrist"),
+    "twice": ({"rename": {"note": "q_wrist"}}, "its column q_wrist comes twice"),
     "one angle": (
         {"rename": {"q_wrist": "Q_wrist"}},
         "no column q_wrist for angle of joint wrist.*--leave-out wrist",
