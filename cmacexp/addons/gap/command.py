@@ -59,16 +59,21 @@ def _read_gain(text: str | None, key: str) -> list[float]:
 def read_given(arguments: Arguments) -> tuple[Log, Machine]:
     """Read the log and the model of its robot, as the options of :data:`LOG_OPTIONS` say; raises BadInput."""
     gains = {key: _read_gain(vars(arguments)[key], f"--{key}") for key in ("kp", "kd")}
+    left_out: list[str] = [] if arguments.leave_out is None else arguments.leave_out.split(",")
     log = read_log(
         arguments.log,
         _read_pairs(arguments.names, "--names"),
         _read_pairs(arguments.units, "--units"),
         {key: gain for key, gain in gains.items() if gain},
         None if arguments.reader is None else load_reader(arguments.reader),
-        [] if arguments.leave_out is None else arguments.leave_out.split(","),
+        left_out,
         arguments.rate,
     )
-    return log, read_machine(arguments.robot, log.joints, _read_pairs(arguments.joints, "--joints"))
+    machine = read_machine(arguments.robot, log.joints, _read_pairs(arguments.joints, "--joints"), left_out)
+    numbered = [
+        f"{name} is {joint}" for name, joint in zip(log.joints, machine.joints, strict=True) if name.isdigit()
+    ]
+    return log.note(f"Numbers of joints: {', '.join(numbered)}.") if numbered else log, machine
 
 
 def read_accepted(arguments: Arguments) -> list[str]:

@@ -127,8 +127,10 @@ class Machine:
         return replace(self, model=model)
 
 
-def read_machine(robot: str, names: Sequence[str], pairs: Mapping[str, str] | None = None) -> Machine:
-    """Read the model of a ``robot`` for the joints of a log, whose ``names`` are given.
+def read_machine(
+    robot: str, names: Sequence[str], pairs: Mapping[str, str] | None = None, left_out: Sequence[str] = ()
+) -> Machine:
+    """Read the model of a ``robot`` for the joints of a log, whose ``names`` are given, and of those ``left_out``.
 
     ``robot`` is an option of ``conf/machine``, a model of the package, or a file. ``pairs``, names in the model by
     names in the log, are for joints that are called differently. Raises BadInput if there is no such robot, or if a
@@ -140,7 +142,7 @@ def read_machine(robot: str, names: Sequence[str], pairs: Mapping[str, str] | No
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     kinds = [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)]
     joints = {model.joint(i).name: i for i in np.flatnonzero(np.isin(model.jnt_type, kinds)).tolist()}
-    matched = match_names(names, list(joints), pairs or {})
+    matched = match_names(names, list(joints), pairs or {}, left_out)
     index = np.array([joints[name] for name in matched])
     for number in np.flatnonzero(model.eq_active0).tolist():
         joined = _list_constrained(model, number, index)
@@ -213,11 +215,14 @@ def _find_path(robot: str) -> Path:
     return find_model(yaml.safe_load(option.read_text()).get("model", robot) if option.is_file() else robot, None)
 
 
-def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str, str]) -> tuple[str, ...]:
+def match_names(
+    names: Sequence[str], joints: Sequence[str], pairs: Mapping[str, str], left_out: Sequence[str] = ()
+) -> tuple[str, ...]:
     """Return the joint of a model for each name of a log, from the ``joints`` of the model.
 
     It is the one in ``pairs``, by names of the log, else the one with the same name, else the only one whose name
-    contains it. Letter case and separators do not matter. Names that are numbers count the joints of the model.
+    contains it. Letter case and separators do not matter. If all names, with those
+    ``left_out``, are numbers, from 0 or 1 on, and as many as joints of the model, they count these.
     Raises BadInput if no joint, or more than one, fits a name, or if two names fit one joint.
     """
 
@@ -231,13 +236,18 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str,
             f"{name}={joint}",
             f"the log has no joint {name}{suggest(name, names)}; it has {', '.join(names)}",
         )
+    numbers = sorted(int(name) for name in (*names, *left_out) if name.isdigit())
+    counted = {
+        str(first + k): [joint]
+        for first in (0, 1)
+        if numbers == [*range(first, first + len(joints))]
+        for k, joint in enumerate(joints)
+    }
     matched = list[str]()
     for name in names:
         wanted = pairs.get(name, name)
-        equal = [joint for joint in joints if plain(joint) == plain(wanted)]
+        equal = [joint for joint in joints if plain(joint) == plain(wanted)] or counted.get(wanted, [])
         close = [wanted] if wanted in joints else equal or [j for j in joints if plain(wanted) in plain(j)]
-        if not close and wanted.isdigit() and int(wanted) < len(joints) == len(names):
-            close = [joints[int(wanted)]]
         what = f"fits {' and '.join(close[:4])}" if close else f"has no joint in the model{suggest(wanted, joints)}"
         require(
             len(close) == 1,

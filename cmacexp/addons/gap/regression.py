@@ -119,9 +119,10 @@ def scale_torque(problem: Problem) -> Log:
     gravity = regression.weights[:, 0]
     unknown = [log.joints[j] for j in np.flatnonzero(~(regression.errors[:, 0] < CERTAIN * np.abs(gravity)))]
     if unknown:
+        cure = f" --leave-out {','.join(unknown)} keeps those of the others." if len(unknown) < len(gravity) else ""
         return log.note(
             f"Torques are in an unknown unit, and the rigid bodies of {', '.join(unknown)} are too light, or move "
-            "too little, to estimate N m for each unit: tables of the model and identification are left out."
+            f"too little, to estimate N m for each unit: tables of the model and identification are left out.{cure}"
         )
     listed = ", ".join(f"{joint} {1.0 / factor:.4g}" for joint, factor in zip(log.joints, gravity, strict=True))
     return replace(log, torque=log.torque / gravity, is_unit_known=True).note(

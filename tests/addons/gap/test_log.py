@@ -132,6 +132,18 @@ def test_a_joint_without_a_measured_angle_can_be_left_out_and_pairs_of_joints_mu
         match_names(NAMES, NAMES, {"thumb": "wrist"})
 
 
+@pytest.mark.parametrize(
+    "joints", [("pan", "lift", "elbow", "wrist_1", "wrist_2"), [f"joint_{k}" for k in range(1, 6)]]
+)
+@pytest.mark.parametrize("first", [0, 1])
+def test_numbered_joints_count_those_of_the_model_whatever_numbers_their_names_have(joints, first):
+    numbers = [str(first + k) for k in range(5)]
+    assert match_names(numbers, joints, {}) == tuple(joints)
+    assert match_names(numbers[1:4], joints, {}, [numbers[0], numbers[4]]) == tuple(joints[1:4])
+    with pytest.raises(BadInput, match="say --joints"):
+        match_names([*numbers, str(first + 5)], joints, {})
+
+
 OTHER_STYLES = {
     "numbered": (lambda n: f"jpos{n}", lambda n: f"jpos_des{n}", "timestamp_ms", ("0", "1", "2")),
     "spaces": (lambda n: f"- {NAMES[n]} position", lambda n: f"- {NAMES[n]} command", "Time [s]", NAMES),
