@@ -60,12 +60,16 @@ def _read_urdf(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
         root = ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
         raise BadInput("machine.path", path, f"is no XML: {error}") from error
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]  # without a namespace, which MuJoCo does not read
     compilers = root.findall("mujoco/compiler")
     folders = [path.parent, *(path.parent / item.get("meshdir", "") for item in compilers), *path.parents]
     missing: list[str] = []
     names: set[str] = set()
     for link in root.iter("link"):
         missing += _clean_link(link, folders, names)
+    if root.find("joint/parent[@link='world']") is not None and root.find("link[@name='world']") is None:
+        ElementTree.SubElement(root, "link", name="world")  # as Drake has it
     for extension in root.findall("mujoco"):
         root.remove(extension)
     extension = ElementTree.SubElement(root, "mujoco")

@@ -316,13 +316,14 @@ URDF_LEG = """
 
 
 def write_urdf(folder):
-    """A robot whose rear knees bend forward, with meshes that are not there and a root without mass."""
+    """A robot as Drake has it, whose rear knees bend forward, without its meshes and with a root without mass."""
     corners = (("RH", -1, -1), ("LH", -1, 1), ("RF", 1, -1), ("LF", 1, 1))
     legs = [
         URDF_LEG.format(name, 0.19 * x, 0.05 * y, 0.08 * y, *((-2.7, -0.3) if x > 0 else (0.3, 2.7)))
         for name, x, y in corners
     ]
-    base = """<robot name="r"><link name="root"/>
+    base = """<robot name="r" xmlns="http://drake.mit.edu"><link name="root"/>
+      <joint name="stand" type="fixed"><parent link="world"/><child link="root"/></joint>
       <joint name="fix" type="fixed"><parent link="root"/><child link="base"/></joint>
       <link name="base"><inertial><mass value="6"/>
       <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.08" iyz="0" izz="0.09"/></inertial></link>"""

@@ -116,7 +116,8 @@ def _refuse(log: Log, faults: list[Fault]) -> Unfit:
     text = "; ".join(f"{alike[0].text}{more[kind]}" for kind, alike in by_kind.items())
     listed = " ".join(f"{option} {','.join(values)}" for option, values in options.items())
     kinds = ",".join(by_kind)
-    advice = f"if so, go on with {listed}; if the log is right, with --accept {kinds}"
+    accept = f"if the log is right, go on with --accept {kinds}"
+    advice = accept if options.keys() == {"--accept"} else f"if so, go on with {listed}; {accept}"
     if len(options.get("--leave-out", ())) == len(log.joints):
         advice = f"this is so of all joints: take a longer log, or go on with --accept {kinds}"
         options = {"--accept": [*by_kind]}
@@ -268,10 +269,11 @@ def _check_lost_rows(log: Log) -> Iterator[Fault]:
     fast = size > 0.1 * np.percentile(size, 95.0)
     advance = np.divide((step * around).sum(axis=1), size, out=np.zeros_like(size), where=fast)
     row = int(middle[advance.argmax()]) + 1
-    if advance.max() > max(ADVANCE, 2.0 * np.percentile(advance, 99.0)):  # noisy logs have large advances everywhere
+    worst = advance.max()  # much above those of rows that move: an encoder of coarse steps stands still between them
+    if worst > ADVANCE and worst > 2.0 * np.percentile(advance[advance > 0.0], 99.0):
         yield Fault(
             "lost",
-            f"the log moves {advance.max():.1f} times as far as its speed from row {row - 1} to "
+            f"the log moves {worst:.1f} times as far as its speed from row {row - 1} to "
             f"{row} (t = {log.time[row]:.3f} s): rows were lost and the times rewritten",
         )
 
@@ -362,7 +364,7 @@ def _note(log: Log) -> Iterator[str]:
     """Yield notes on the limits of a log: filtered angles, and commands that do not distinguish or excite joints."""
     if not is_quantised(log):
         yield (
-            "The angles show no step of an encoder: they were filtered or "
+            "The angles show no step of an encoder: they were filtered, resampled or "
             "simulated, and noise and velocities are those of the filter."
         )
     if log.command is not None:

@@ -309,6 +309,8 @@ class _Table:
         Raises BadInput if only some of them have one, or if none has a column of the name that the user gave.
         """
         for pattern in self.patterns[quantity]:
+            if JOINT not in pattern and len(joints) > 1 and quantity not in ("kp", "kd"):
+                continue  # it is of one joint
             missing = [name for joint in joints if (name := pattern.replace(JOINT, joint)) not in self.columns]
             if not missing:
                 return pattern
@@ -325,7 +327,8 @@ class _Table:
     def _find_joints(self) -> list[str]:
         """Return the names of the joints that have a measured angle; raise BadInput if there is none."""
         for pattern in self.patterns["angle"]:
-            require(JOINT in pattern, "--names", f"angle={pattern}", f"must contain {JOINT}")
+            if JOINT not in pattern and pattern in self.columns:
+                return ["0"]
             if joints := self._match(pattern, "angle"):
                 return joints
         tried = " or ".join(self.patterns["angle"])

@@ -23,9 +23,9 @@ MOST_LISTED = 6
 
 
 def _combine(signals: Sequence[str], words: Sequence[str]) -> list[str]:
-    """Return the names of columns that combine a joint with one of the ``signals`` and one of the ``words``."""
+    """Return names of columns, of a joint or the only one, with one of the ``signals`` and one of the ``words``."""
     pairs = [pair for a in signals for b in words for pair in (f"{a}_{b}", f"{b}_{a}")]
-    return [name for pair in pairs for name in (f"{pair}_{JOINT}", f"{JOINT}_{pair}")]
+    return [name for pair in pairs for name in (f"{pair}_{JOINT}", f"{JOINT}_{pair}", f"{pair}{NUMBER}", pair)]
 
 
 PATTERNS: dict[str, tuple[str, ...]] = {
@@ -37,11 +37,12 @@ PATTERNS: dict[str, tuple[str, ...]] = {
         ),
     ),
     "angle": (
+        *_combine(ANGLES, MEASURED),
         "q_{joint}", "{joint}_q", "pos_{joint}", "{joint}_pos", "position_{joint}", "{joint}_position", "q{i}",
         "jpos{i}", "jpos_{joint}", "pos{i}", "joint_states_{joint}_position",
         "joint_states_position_{joint}", "joint_position_{joint}", "joint_pos_{joint}", "angle_{joint}",
         "{joint}_angle", "joint_angle_{joint}", "theta_{joint}", "qpos_{joint}", "observation_state_{joint}",
-        *_combine(ANGLES, MEASURED),
+        *ANGLES,
     ),
     "command": (
         *_combine(ANGLES, COMMANDED), *(f"{word}_{{joint}}" for word in COMMANDED),
@@ -52,17 +53,19 @@ PATTERNS: dict[str, tuple[str, ...]] = {
         "dq_des_{joint}", "qd_des_{joint}", "{joint}_dq_des", "dq_d_{joint}", "target_qd_{joint}",
     ),
     "torque": (
+        *_combine(TORQUES, MEASURED),
         "tau_{joint}", "{joint}_tau", "torque_{joint}", "{joint}_torque", "effort_{joint}", "{joint}_effort",
         "tau{i}", "tau_J_{joint}", "joint_states_{joint}_effort", "joint_states_effort_{joint}",
         "joint_torque_{joint}", "force_{joint}", "{joint}_force", "current_{joint}", "{joint}_current",
-        *_combine(TORQUES, MEASURED), "tauEst_{joint}", "{joint}_tauEst",
+        "tauEst_{joint}", "{joint}_tauEst", *TORQUES,
     ),
     "feedforward": ("tau_ff_{joint}", "{joint}_tau_ff"),
     "kp": ("kp_{joint}", "kp"),
     "kd": ("kd_{joint}", "kd"),
     "orientation": ("quat_{joint}", "q{joint}"),
 }  # fmt: skip
-"""Quantities of a log, and the names of their columns that are tried; the first one that occurs is used.
+"""Quantities of a log, and the names of their columns that are tried; the first one that occurs is used. Those
+of angles, commands and torques without a joint are of the only one.
 
 Letter case does not matter, and ``_`` stands for any of ``_ . / - [ ] ( )`` and spaces.
 """
@@ -102,7 +105,7 @@ def _has_open_bracket(text: str) -> bool:
 
 
 def list_patterns(tried: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> tuple[str, ...]:
-    """Return the names that are ``tried``, as the columns write them, and the first ones as they are."""
+    """Return the names that are ``tried``, as the columns write them, and the shortest ones as they are."""
     listed = dict[str, None]()
     for pattern in tried:
         form = _compile(pattern)
@@ -112,5 +115,5 @@ def list_patterns(tried: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> 
                 while end < len(name) and _has_open_bracket(name[begin:end]):
                     end += 1
                 listed[name[:begin] + JOINT + name[end:] if form.groups else name] = None
-    listed |= dict.fromkeys(pattern for pattern in tried[:MOST_LISTED] if NUMBER not in pattern)
+    listed |= dict.fromkeys(sorted((name for name in tried if NUMBER not in name), key=len)[:MOST_LISTED])
     return tuple(listed)

@@ -9,7 +9,7 @@ from support.doors import BadInput
 from support.logs import PERIOD, make_problem, simulate_log
 
 from cmacexp.addons.gap.analysis import measure
-from cmacexp.addons.gap.faults import check
+from cmacexp.addons.gap.faults import KINDS, check
 from cmacexp.addons.gap.regression import fit_model
 
 fine = cache(simulate_log)
@@ -173,6 +173,13 @@ def test_a_fault_of_a_log_gives_one_line_that_names_it(name):
     with pytest.raises(BadInput, match=words) as caught:
         notes_of(damage(fine()))
     assert "\n" not in str(caught.value)
+
+
+def test_a_slow_move_of_an_encoder_with_coarse_steps_is_no_loss_of_rows():
+    log = fine()
+    ramp = np.minimum(np.arange(len(log.time)) / 3.0, 4.0)[:, None]
+    moved = replace(log, angle=0.004 * np.round(ramp) + np.zeros(2), command=0.004 * ramp + np.zeros(2))
+    assert not any("rows were lost" in note for note in notes_of(moved, KINDS))
 
 
 def test_a_log_without_a_fault_is_accepted_with_what_it_cannot_show():

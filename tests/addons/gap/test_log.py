@@ -132,6 +132,21 @@ def test_a_joint_without_a_measured_angle_can_be_left_out_and_pairs_of_joints_mu
         match_names(NAMES, NAMES, {"thumb": "wrist"})
 
 
+def test_measured_signals_come_before_filtered_ones_and_one_joint_needs_no_name(tmp_path):
+    signals = {"pos_filt": COMMAND, "pos_meas": ANGLE, "tau_con": ANGLE, "tau_meas": COMMAND}
+    table = {f"{name}{k + 1}": values[:, k] for name, values in signals.items() for k in range(3)}
+    pd.DataFrame({"time": TIME, **table}).to_csv(tmp_path / "log.csv", index=False)
+    log = read_log(tmp_path / "log.csv")
+    assert log.joints == ("1", "2", "3")
+    np.testing.assert_allclose([log.angle, log.torque], [ANGLE, COMMAND])
+    table = {"time": TIME, "position": ANGLE[:, 0], "velocity": TIME, "torque": COMMAND[:, 0]}
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    for names in ({}, {"angle": "position"}):
+        log = read_log(tmp_path / "log.csv", names)
+        assert match_names(log.joints, ["arm"], {}) == ("arm",)
+        np.testing.assert_allclose([log.angle, log.torque], [ANGLE[:, :1], COMMAND[:, :1]])
+
+
 @pytest.mark.parametrize(
     "joints", [("pan", "lift", "elbow", "wrist_1", "wrist_2"), [f"joint_{k}" for k in range(1, 6)]]
 )
