@@ -154,12 +154,15 @@ class PublishedResults:
 
 
 def renew_stored_rows(folder: Path) -> None:
-    """Copy the stored runs of every full study below ``folder`` to ``STORED_RUNS``."""
-    for path in folder.glob(f"*/{STORED_ROWS}"):
-        text = path.read_text(encoding="utf-8")
-        if path.parent.name in declared() and json.loads(text)["statements"]:
-            STORED_RUNS.mkdir(exist_ok=True)
-            (STORED_RUNS / f"{path.parent.name}.json").write_text(text, encoding="utf-8")
+    """Copy the stored runs of every full study below ``folder`` to ``STORED_RUNS``, else those of a short one."""
+    for name in declared():
+        target = STORED_RUNS / f"{name}.json"
+        for kind in ("", "-one-seed", "-quick"):
+            path = folder / f"{name}{kind}" / STORED_ROWS
+            if path.is_file() and not (kind and target.exists()):
+                text = path.read_text(encoding="utf-8")
+                if json.loads(text)["statements"]:
+                    target.write_text(text, encoding="utf-8")
 
 
 def judge_stored(name: str) -> list[str]:

@@ -108,7 +108,7 @@ def _write(
     results = Results(results.rows, {name: compute(results) for name, compute in file.study.computed.items()})
     witnesses = choose_witnesses(results, {collected[r][0]: r.overrides for r in requests if r.starts_from is None})
     provenance = make_provenance(digest_study(path), results, witnesses, options.seeds)
-    texts = {} if options.quick else {STORED_ROWS: store_rows(file.study.statements, results)}
+    texts = {STORED_ROWS: store_rows(file.study.statements, results)}
     return write_results(file, results, options.choose_folder(file.name), options.quick, provenance, texts)
 
 

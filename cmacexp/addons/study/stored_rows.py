@@ -1,7 +1,7 @@
 """A small set of stored runs of a study, from which its statements are judged again without a simulation.
 
-Two runs with one study prove nothing about its statements. So a full study also stores, as text, the settings,
-measures and used metrics of its runs with the first two seeds, and what its statements give on these runs alone.
+Two runs with one study prove nothing about its statements. So a study also stores, as text, the settings, measures
+and used metrics of its runs with the first two seeds, and what its statements give on these runs alone.
 """
 
 import json
@@ -73,7 +73,7 @@ def _round(values: Any) -> list[float]:
 
 
 def store_rows(statements: Statements, results: Results) -> str:
-    """Return the text of the stored runs of a full study, and of what its statements give on them."""
+    """Return the text of the stored runs of a study, and of what its statements give on them."""
     seeds = sorted({row.settings.get("seed", 0) for row in results.rows})[:SEEDS]
     full = [row for row in results.rows if row.settings.get("seed", 0) in seeds]
     used = [_Used(row.run.pooled) for row in full]
