@@ -24,7 +24,7 @@ VISCOUS, DRY = 0.08, 0.15
 """Friction of each joint beside that of the model, N m s/rad and N m."""
 STEP, ROW, TARGET = 1e-3, 5, 20
 """Time step of the simulation, s; steps in a row of the log, and in a target of the policy."""
-SECONDS = 20.0
+SECONDS = 10.0
 FOLDER = Path("outputs/examples")
 
 robot = read_model(compose_config(["scenario=robot", "machine=go2"]).machine)
@@ -70,13 +70,16 @@ truth = {
 }
 units = ["kg m²", "N m s/rad", "N m"]
 figure, axes = plt.subplots(1, 3, figsize=(9, 4), sharey=True, layout="constrained")
+inside = 0
 for ax, (name, values), unit in zip(axes, truth.items(), units, strict=True):
     for j, joint in enumerate(names):
         value, error = (np.mean(found[joint][name][kind] or 0.0) for kind in ("value", "deviation"))
         ax.errorbar(value, j, xerr=1.96 * error, color="C0", marker=".", capsize=2)
+        inside += abs(value - values[j]) < 1.96 * error
     ax.plot(values, range(len(names)), "k|", markersize=9)
     ax.set(xlabel=f"{name.replace('_', ' ')}, {unit}", xlim=(0.0, None))
 axes[0].set(yticks=range(len(names)), yticklabels=names)
 axes[0].invert_yaxis()
 figure.suptitle("identified with 95 % intervals, and the truth (black)", fontsize=10)
 figure.savefig(FOLDER / "policy_log.png", dpi=90)
+print(f"{inside} of {3 * len(names)} intervals contain the truth")

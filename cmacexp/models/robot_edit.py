@@ -44,10 +44,19 @@ def hold_joints(path: Path, mujoco: Any, spec: Any, names: Sequence[str]) -> Non
         spec.delete(item)
 
 
+def _has_mass(body: Any) -> bool:
+    """Return True if a body, or one that is fixed to it, has a mass, its own or that of a shape."""
+    fixed = (child for child in body.bodies if not child.joints)
+    return bool(body.mass > 0.0 or any(geom.mass != 0.0 for geom in body.geoms) or any(map(_has_mass, fixed)))
+
+
 def float_trunk(spec: Any) -> list[str]:
-    """Give the body of the world that carries most joints a free joint if it has none; return a note about it."""
+    """Give the body of the world that carries most joints a free joint if it has none; return a note about it.
+
+    A body without mass, as arms stand on, stays fixed.
+    """
     trunk = max(spec.worldbody.bodies, key=lambda body: len(body.find_all("joint")), default=None)
-    if trunk is None or trunk.joints:
+    if trunk is None or trunk.joints or not _has_mass(trunk):
         return []
     trunk.add_freejoint()
     return [f"{trunk.name or 'its trunk'} is fixed to the world in the model, and floats here"]

@@ -311,7 +311,7 @@ def _check_against_model(problem: Problem, regression: Regression) -> Iterator[F
         yield Fault(
             "model",
             f"the model leaves {100.0 * whole:.0f} % of its torque unexplained: order, signs or units of joints, or "
-            "--robot, are wrong, or its base moved or its feet touched the ground",
+            "--robot, are wrong, or its base was not level or moved, or its feet touched the ground",
         )
     viscous = regression.weights[:, 2]
     for j in np.flatnonzero(regression.has_negative_friction(log) & log.has_drives):

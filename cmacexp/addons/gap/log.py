@@ -339,7 +339,7 @@ class _Table:
     def _match(self, pattern: str, quantity: str) -> list[str]:
         """Return the joints of the columns that match the ``pattern`` of a quantity.
 
-        A column that matches a longer pattern is no column of this one.
+        A column that matches a longer pattern is no column of this one. Beside ``q_0``, ``q_clean_0`` is no joint.
         """
         claimed = set[str]()
         is_number = len(self.patterns[quantity]) > 1 and re.search(
@@ -348,11 +348,13 @@ class _Table:
         for other in (other for patterns in self.patterns.values() for other in patterns):
             if JOINT in other and len(other) > len(pattern):
                 claimed.update(self._match_columns(other))
-        return [
+        joints = [
             joint
             for name, joint in self._match_columns(pattern).items()
             if name not in claimed and (joint.isdigit() or not is_number)
         ]
+        numbers = {joint for joint in joints if joint.isdigit()}
+        return [joint for joint in joints if joint in numbers or joint.rpartition("_")[2] not in numbers]
 
     def _match_columns(self, pattern: str) -> dict[str, str]:
         """Return the text that ``{joint}`` stands for in each column that matches a pattern, by the column's name."""

@@ -139,6 +139,8 @@ def test_measured_signals_come_before_filtered_ones_and_one_joint_needs_no_name(
     log = read_log(tmp_path / "log.csv")
     assert log.joints == ("1", "2", "3")
     np.testing.assert_allclose([log.angle, log.torque], [ANGLE, COMMAND])
+    np.savez(tmp_path / "log.npz", time=TIME, q=ANGLE, q_clean=COMMAND[:5], tau=COMMAND)
+    assert read_log(tmp_path / "log.npz").joints == ("0", "1", "2")
     table = {"time": TIME, "position": ANGLE[:, 0], "velocity": TIME, "torque": COMMAND[:, 0]}
     pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
     for names in ({}, {"angle": "position"}):

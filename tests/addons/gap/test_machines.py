@@ -98,3 +98,18 @@ def test_an_interval_counts_that_a_drive_may_compute_between_rows(is_measured, t
     fitted = fit(problem, LEVELS[0], np.ones(len(log.time), dtype=bool))
     apart = np.abs(fitted.values[0, :2] - [2.0, 20.0]) / fitted.deviation[0, :2]
     assert (apart < 1.96).all()
+
+
+ARM = """<robot name="arm"><link name="stand"/><link name="link"><inertial><origin xyz="0 0 -0.5"/><mass value="2"/>
+<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+<joint name="hinge" type="revolute"><parent link="stand"/><child link="link"/><axis xyz="1 0 0"/>
+<limit lower="-3" upper="3" effort="9" velocity="9"/></joint></robot>"""
+
+
+@pytest.mark.ci
+def test_an_arm_on_a_stand_without_mass_is_read(tmp_path):
+    (tmp_path / "arm.urdf").write_text(ARM)
+    machine = read_machine(str(tmp_path / "arm.urdf"), ["0"])
+    angle = np.array([[0.5 * np.pi]])
+    torque = machine.compute_torque(angle, 0.0 * angle, 0.0 * angle)
+    np.testing.assert_allclose(torque, [[2.0 * 9.81 * 0.5]])
