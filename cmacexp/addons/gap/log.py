@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.addons.gap.names import JOINT, PATTERNS, SEPARATORS, find_numbered, list_patterns
+from cmacexp.addons.gap.names import JOINT, PATTERNS, SEPARATORS, find_numbered, list_patterns, match_columns
 from cmacexp.addons.gap.readers import COMPRESSED, DECLARED, READERS, Columns, Reader, is_number, read_bag
 from cmacexp.errors import BadInput, CmacexpError, require, suggest
 from cmacexp.typing import Array
@@ -226,7 +226,7 @@ class _Table:
         log = Log(
             path=self.path,
             time=time,
-            joints=tuple(joints),
+            joints=tuple(joint or "0" for joint in joints),
             angle=angle,
             command=command,
             command_velocity=read("command_velocity", missing=np.zeros_like(angle)),
@@ -309,8 +309,10 @@ class _Table:
         Raises BadInput if only some of them have one, or if none has a column of the name that the user gave.
         """
         for pattern in self.patterns[quantity]:
-            if JOINT not in pattern and len(joints) > 1 and quantity not in ("kp", "kd"):
-                continue  # it is of one joint
+            if JOINT not in pattern and len(joints) > 1 and quantity not in ("kp", "kd"):  # it is of one joint
+                is_given = (pattern,) == self.patterns[quantity]
+                require(not is_given, "--names", f"{quantity}={pattern}", f"must contain {JOINT}")
+                continue
             missing = [name for joint in joints if (name := pattern.replace(JOINT, joint)) not in self.columns]
             if not missing:
                 return pattern
@@ -325,10 +327,10 @@ class _Table:
         return None
 
     def _find_joints(self) -> list[str]:
-        """Return the names of the joints that have a measured angle; raise BadInput if there is none."""
+        """Return the names of the joints with a measured angle, empty for the only one; raise BadInput without."""
         for pattern in self.patterns["angle"]:
             if JOINT not in pattern and pattern in self.columns:
-                return ["0"]
+                return [""]  # so that no column of a numbered joint is taken for one of this joint
             if joints := self._match(pattern, "angle"):
                 return joints
         tried = " or ".join(self.patterns["angle"])
@@ -347,19 +349,14 @@ class _Table:
         )
         for other in (other for patterns in self.patterns.values() for other in patterns):
             if JOINT in other and len(other) > len(pattern):
-                claimed.update(self._match_columns(other))
+                claimed.update(match_columns(other, self.columns))
         joints = [
             joint
-            for name, joint in self._match_columns(pattern).items()
+            for name, joint in match_columns(pattern, self.columns).items()
             if name not in claimed and (joint.isdigit() or not is_number)
         ]
         numbers = {joint for joint in joints if joint.isdigit()}
         return [joint for joint in joints if joint in numbers or joint.rpartition("_")[2] not in numbers]
-
-    def _match_columns(self, pattern: str) -> dict[str, str]:
-        """Return the text that ``{joint}`` stands for in each column that matches a pattern, by the column's name."""
-        form = re.compile(re.escape(pattern).replace(re.escape(JOINT), "(.+)"))
-        return {name: match[1] for name in self.columns if (match := form.fullmatch(name))}
 
     def _get_numbers(self, name: str) -> Array:
         """Return a column (n,) in the units of the file; raise BadInput unless it holds numbers."""

@@ -1,7 +1,7 @@
 """Names of columns of a log: those that are tried for each quantity, numbers of columns, and what a file writes."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from numpy.typing import NDArray
@@ -115,5 +115,12 @@ def list_patterns(tried: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> 
                 while end < len(name) and _has_open_bracket(name[begin:end]):
                     end += 1
                 listed[name[:begin] + JOINT + name[end:] if form.groups else name] = None
-    listed |= dict.fromkeys(sorted((name for name in tried if NUMBER not in name), key=len)[:MOST_LISTED])
+    plain = sorted((name for name in tried if NUMBER not in name), key=lambda name: (JOINT not in name, len(name)))
+    listed |= dict.fromkeys(plain[:MOST_LISTED])
     return tuple(listed)
+
+
+def match_columns(pattern: str, columns: Iterable[str]) -> dict[str, str]:
+    """Return the text that ``{joint}`` stands for in each of the ``columns`` that matches a pattern, by its name."""
+    form = re.compile(re.escape(pattern).replace(re.escape(JOINT), "(.+)"))
+    return {name: match[1] for name in columns if (match := form.fullmatch(name))}

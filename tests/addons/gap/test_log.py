@@ -74,7 +74,10 @@ def test_a_folder_that_is_no_bag_is_refused(tmp_path):
 WRONG = {
     "no such file": ({"path": "nowhere.csv"}, "there is no such file"),
     "format": ({"path": "log.xyz"}, "name a reader"),
-    "no angles": ({"rename": {f"q_{name}": f"x_{name}" for name in NAMES}}, "no measured angles .*--names angle="),
+    "no angles": (
+        {"rename": {f"q_{name}": f"x_{name}" for name in NAMES}},
+        "no measured angles under q_{joint} .*--names angle=",
+    ),
     "no time": ({"rename": {"time": "clock"}}, "no column of time"),
     "one command": ({"rename": {"q_des_wrist": "q_dse_wrist"}}, "no column q_des_wrist .*did you mean q_dse_wrist"),
     "no gains": ({"gains": {"kp": [20.0]}}, "--kd.* is missing"),
@@ -147,6 +150,13 @@ def test_measured_signals_come_before_filtered_ones_and_one_joint_needs_no_name(
         log = read_log(tmp_path / "log.csv", names)
         assert match_names(log.joints, ["arm"], {}) == ("arm",)
         np.testing.assert_allclose([log.angle, log.torque], [ANGLE[:, :1], COMMAND[:, :1]])
+    pd.DataFrame(columns()).to_csv(tmp_path / "log.csv", index=False)
+    for names, said in (
+        ({"angle": "q_elbow"}, "neither commanded angles nor torques"),
+        ({"command": "q_des_elbow"}, "--names=command=q_des_elbow: must contain {joint}"),
+    ):
+        with pytest.raises(BadInput, match=said):
+            read_log(tmp_path / "log.csv", names, gains={"kp": [20.0], "kd": [1.0]})
 
 
 @pytest.mark.parametrize(
