@@ -3,6 +3,7 @@
 Without a command the arguments are overrides of a run or, with ``-m``, of a sweep.
 """
 
+import os
 import signal
 import sys
 from importlib import import_module
@@ -28,6 +29,9 @@ HELP = """cmacexp: learned feedforward for hybrid position/force control of legs
 cmacexp COMMAND --help explains a command; cmacexp run --help lists the groups and fields that overrides change.
 Without a command the arguments are overrides of a run: cmacexp scenario=one_leg
 """
+
+# Matrices are small. On a busy computer threads of OpenBLAS wait for each other: ``gap`` took six times as long.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def main() -> int:

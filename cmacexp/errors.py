@@ -16,6 +16,7 @@ EXTRAS = {
     "datafusion": "catalog",
     "rerun_notebook": "notebook",
     "mcap": "mcap",
+    "h5py": "hdf5",
     "rosbags": "ros",
     "imageio_ffmpeg": "video",
     "xarray": "xarray",

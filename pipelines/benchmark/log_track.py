@@ -229,7 +229,9 @@ def run(arguments: Arguments, options: Options) -> Path:
         None,
         "is missing: an option of conf/machine, or an MJCF or URDF file",
     )
-    log, machine = (simulate_log(), read_machine(str(MODEL), NAMES)) if simulated else read_given(arguments)
+    log, machine = (
+        (simulate_log(), read_machine(str(MODEL), NAMES)) if simulated else read_given(arguments, [arguments.log])
+    )
     gap = measure(log, machine)
     folder = options.choose_folder(f"{NAME}-{SIMULATED}" if simulated else NAME)
     makers = choose_makers(gap, arguments.methods, arguments.method, not options.quick)

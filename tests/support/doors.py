@@ -8,7 +8,7 @@ A test imports inner modules of its own room alone, so that a change inside a ro
 from support.rollout import roll_out
 
 from cmacexp.addons.gap.analysis import Gap
-from cmacexp.addons.gap.log import read_log
+from cmacexp.addons.gap.reading import read_log
 from cmacexp.addons.study.command import Options, write_studies
 from cmacexp.addons.study.interval import UNPAIRED, estimate
 from cmacexp.addons.study.results import RunRow

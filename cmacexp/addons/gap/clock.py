@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from cmacexp.addons.gap.log import KEY, Log
+from cmacexp.addons.gap.outliers import mend_angles
+from cmacexp.addons.gap.reading import RATES
 from cmacexp.errors import BadInput, require
 from cmacexp.typing import Array, Counts, Mask
 
@@ -17,9 +19,9 @@ MOST_BACK = 0.01
 """Largest share of rows that are older than the row before them; more are several logs in one file."""
 STEADY = 1e-3
 """Deviation from the median spacing, relative to it, up to which rows count as evenly spaced."""
-RATES = (20.0, 20_000.0)
-"""Least and largest sampling rate of a log, Hz."""
-MEASURED = ("angle", "torque", "orientation")
+MOST_EMPTY = 0.05
+"""Share of rows without any angle above which these are messages of other topics, and left out."""
+MEASURED = ("angle", "velocity", "torque", "orientation")
 """Signals that are interpolated; commands are held from one row to the next."""
 COMMANDED = ("command", "command_velocity", "feedforward")
 
@@ -31,7 +33,7 @@ def regularise(log: Log) -> Log:
     """
     rows = len(log.time)
     order = np.flatnonzero(np.isfinite(log.time))
-    log = _choose(log, order, "without a time")
+    log = _hold_messages(_choose_run(_choose(log, order, "without a time")))
     back = np.count_nonzero(np.diff(log.time) < 0.0)
     require(
         back <= MOST_BACK * len(log.time),
@@ -56,7 +58,7 @@ def regularise(log: Log) -> Log:
         f"has {1.0 / log.period:.3g} rows a second, which robots do not have: say the unit of time, --units time=ms "
         "(or us, ns), or --rate HZ if its times are wrong",
     )
-    log = _fill(log)
+    log = mend_angles(_fill(log))
     steps = np.diff(log.time)
     if steps.max() > SPACING * log.period:
         log = _resample(_choose_piece(log))
@@ -69,8 +71,44 @@ def _choose(log: Log, rows: Counts, why: str) -> Log:
     values: dict[str, Any] = {
         key: None if (signal := vars(log)[key]) is None else signal[rows] for key in (*MEASURED, *COMMANDED)
     }
-    chosen = replace(log, time=log.time[rows], **values)
+    chosen = replace(log, time=log.time[rows], rows=log.rows[rows] if log.rows.size else rows, **values)
     return chosen.note(f"{lost} rows {why} were left out.") if lost and why else chosen
+
+
+def _choose_run(log: Log) -> Log:
+    """Return the longest run of a log whose time begins anew, such as the episodes of a data set."""
+    steps = np.diff(log.time)
+    period = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    starts = np.flatnonzero(steps < -max(LONGEST[0], LONGEST[1] * period)) + 1
+    if not len(starts) or len(starts) > MOST_BACK * len(log.time):
+        return log
+    bounds = np.concatenate([[0], starts, [len(log.time)]])
+    longest = int(np.diff(bounds).argmax())
+    begin, end = bounds[longest : longest + 2]
+    return _choose(log, np.arange(begin, end), "").note(
+        f"Time begins anew in {len(starts)} places: the longest run is used, rows {begin} to {end - 1} of "
+        f"{len(log.time)}."
+    )
+
+
+def _hold_messages(log: Log) -> Log:
+    """Return the rows of a log that have angles, if many have none: they are those of other topics, and are held."""
+    has_angle = np.isfinite(log.angle).any(axis=1)
+    if has_angle.mean() > 1.0 - MOST_EMPTY or not has_angle.any():
+        return log
+    held: dict[str, Any] = {}
+    for key in (*MEASURED, *COMMANDED):
+        signal = vars(log)[key]
+        if key == "angle" or signal is None:
+            continue
+        index = np.where(np.isfinite(signal), np.arange(len(signal))[:, None], 0)
+        held[key] = np.take_along_axis(signal, np.maximum.accumulate(index, axis=0), axis=0)
+    rows = np.flatnonzero(has_angle)
+    known = [signal for signal in held.values() if np.isfinite(signal[rows]).any()]
+    first = max((int(np.isfinite(signal[rows]).all(axis=1).argmax()) for signal in known), default=0)
+    return _choose(replace(log, **held), rows[first:], "").note(
+        f"{np.count_nonzero(~has_angle)} of {len(log.time)} rows have no angle: they are of other topics, and held."
+    )
 
 
 def _fill(log: Log) -> Log:
@@ -84,18 +122,19 @@ def _fill(log: Log) -> Log:
             good = np.flatnonzero(~missing[:, j])
             name = key if key == "orientation" else log.column(key, int(j))
             row = int(missing[:, j].argmax())
+            place = log.find_row(row)
             edges = log.time[np.unique([0, *good, len(log.time) - 1])]
             if len(good) < 2 or np.diff(edges).max() > longest:
                 raise BadInput(
                     KEY,
                     log.path,
-                    f"column {name} is {signal[row, j]} in row {row} and {missing[:, j].sum() - 1} others, for more "
-                    f"than {longest:.2g} s: cut such rows",
+                    f"column {name} is {signal[row, j]} in row {place} and {missing[:, j].sum() - 1} others, for "
+                    f"more than {longest:.2g} s: cut such rows",
                 )
             values = filled.setdefault(key, signal.copy())
             values[:, j] = np.interp(log.time, log.time[good], signal[good, j])
             log = log.note(
-                f"Column {name}: {missing[:, j].sum()} missing values were interpolated, first in row {row}."
+                f"Column {name}: {missing[:, j].sum()} missing values were interpolated, first in row {place}."
             )
     return replace(log, **filled)
 
@@ -110,8 +149,9 @@ def _choose_piece(log: Log) -> Log:
     rows = np.arange(bounds[longest], bounds[longest + 1])
     piece = _choose(log, rows, "")
     begin, end = piece.time[[0, -1]] - log.time[0]
+    first = log.find_row(int(holes[0]))
     return piece.note(
-        f"Rows are missing for long in {len(holes)} places, first before row {holes[0]}: the longest piece is used, "
+        f"Rows are missing for long in {len(holes)} places, first before row {first}: the longest piece is used, "
         f"{begin:.3f} to {end:.3f} s, {len(rows)} of {len(log.time)} rows."
     )
 
@@ -144,7 +184,9 @@ def _resample(log: Log) -> Log:
     }
     if values["orientation"] is not None:
         values["orientation"] /= np.linalg.norm(values["orientation"], axis=1, keepdims=True)
-    return replace(log, time=time, **values).note(f"{spacing}resampled every {1e3 * period:.4g} ms.")
+    nearest = np.searchsorted(log.time, time).clip(0, len(log.time) - 1)
+    rows = log.rows[nearest] if log.rows.size else nearest
+    return replace(log, time=time, rows=rows, **values).note(f"{spacing}resampled every {1e3 * period:.4g} ms.")
 
 
 def _measure_roughness(angle: Array) -> float:

@@ -5,9 +5,11 @@ from pathlib import Path
 from shlex import quote
 
 from cmacexp.addons.gap.faults import KINDS, Unfit
-from cmacexp.addons.gap.log import Log, read_log
+from cmacexp.addons.gap.log import Log
 from cmacexp.addons.gap.machine import Machine, read_machine
+from cmacexp.addons.gap.matching import plain
 from cmacexp.addons.gap.readers import load_reader
+from cmacexp.addons.gap.reading import read_log
 from cmacexp.commands.command import Arguments, OptionTable, command, make_flag
 from cmacexp.data.folder import choose_page_folder
 from cmacexp.errors import BadInput, require, require_name
@@ -56,24 +58,30 @@ def _read_gain(text: str | None, key: str) -> list[float]:
         raise BadInput(key, text, "must be numbers, separated by commas") from error
 
 
-def read_given(arguments: Arguments) -> tuple[Log, Machine]:
-    """Read the log and the model of its robot, as the options of :data:`LOG_OPTIONS` say; raises BadInput."""
+def read_given(arguments: Arguments, files: Sequence[Path]) -> tuple[Log, Machine]:
+    """Read the log in ``files`` and the model of its robot, as the options of LOG_OPTIONS say; raises BadInput."""
     gains = {key: _read_gain(vars(arguments)[key], f"--{key}") for key in ("kp", "kd")}
     left_out: list[str] = [] if arguments.leave_out is None else arguments.leave_out.split(",")
+    first, *others = files
     log = read_log(
-        arguments.log,
+        first,
         _read_pairs(arguments.names, "--names"),
         _read_pairs(arguments.units, "--units"),
         {key: gain for key, gain in gains.items() if gain},
         None if arguments.reader is None else load_reader(arguments.reader),
         left_out,
         arguments.rate,
+        others,
     )
-    machine = read_machine(arguments.robot, log.joints, _read_pairs(arguments.joints, "--joints"), left_out)
+    still = [joint for joint, values in zip(log.joints, log.angle.T, strict=True) if (values == values[0]).all()]
+    pairs = _read_pairs(arguments.joints, "--joints")
+    machine = read_machine(arguments.robot, log.joints, pairs, left_out, still)
     numbered = [
-        f"{name} is {joint}" for name, joint in zip(log.joints, machine.joints, strict=True) if name.isdigit()
+        f"{name} is {joint}"
+        for name, joint in zip(log.joints, machine.joints, strict=True)
+        if name not in pairs and plain(name) not in plain(joint)
     ]
-    return log.note(f"Numbers of joints: {', '.join(numbered)}.") if numbered else log, machine
+    return log.note(f"Joints by number: {', '.join(numbered)}.") if numbered else log, machine
 
 
 def read_accepted(arguments: Arguments) -> list[str]:
@@ -90,10 +98,10 @@ def format_next(arguments: Arguments, options: Mapping[str, Sequence[str]]) -> s
     for option in [*LOG_OPTIONS, "--out"]:
         value = vars(arguments)[option.strip("-").replace("-", "_")]
         values = value if isinstance(value, list) else [] if value is None else [str(value)]
-        given[option] = [*values, *options.get(option, ())]
+        given[option] = [*values * (option != "--rate" or option not in options), *options.get(option, ())]
     words = [word for option, values in given.items() if values for word in (option, quote(",".join(values)))]
     quick = ["--quick"] if arguments.quick else []
-    return " ".join(["cmacexp gap", quote(str(arguments.log)), *words, *quick])
+    return " ".join(["cmacexp gap", *(quote(str(file)) for file in arguments.log), *words, *quick])
 
 
 @command(
@@ -103,8 +111,10 @@ def format_next(arguments: Arguments, options: Mapping[str, Sequence[str]]) -> s
     {
         "log": {
             "type": Path,
+            "nargs": "+",
             "metavar": "LOG",
-            "help": "Parquet, CSV, NPZ, MCAP or bag of ROS; other formats: --reader",
+            "help": "Parquet, CSV, NPZ, MAT, HDF5, JSON, MCAP or bag of ROS; other formats: --reader; further files "
+            "have other columns of the same rows",
         },
         "--robot": {"required": True, "help": "go2 or another option of conf/machine, or an MJCF or URDF file"},
         **LOG_OPTIONS,
@@ -118,9 +128,9 @@ def main(arguments: Arguments) -> None:
     from cmacexp.addons.gap.page import PARAMETERS, summarise, tabulate_parameters, write_page
     from cmacexp.addons.gap.validation import identify
 
-    out = choose_page_folder(arguments.out, FOLDER / arguments.log.stem)
-    log, machine = read_given(arguments)
-    with show_progress(f"replaying {arguments.log.name} through {arguments.robot}", 1) as set_done:
+    out = choose_page_folder(arguments.out, FOLDER / arguments.log[0].stem)
+    log, machine = read_given(arguments, arguments.log)
+    with show_progress(f"replaying {arguments.log[0].name} through {arguments.robot}", 1) as set_done:
         try:
             gap = begin(log, machine, set_done, read_accepted(arguments))
         except Unfit as unfit:
@@ -133,11 +143,12 @@ def main(arguments: Arguments) -> None:
             identify(gap, set_done)
         page = write_page(gap, out)
     print_line(summarise(gap.values))
+    columns = ["predictor", "left\n%", "from\n%", "to\n%", *["fastest\n%"] * gap.signals.repeats]
     rows = [
         [name, *(f"{left[key]:.1f}" for key in ("value", "low", "high")), f"{left['fastest']['value']:.1f}"]
         for name, left in sorted(gap.values["left"].items(), key=lambda item: float(item[1]["value"]))
     ]
-    print_table(["predictor", "left\n%", "from\n%", "to\n%", "fastest\n%"], rows)
+    print_table(columns, [row[: len(columns)] for row in rows])
     if "parameters" in gap.values:
         print_table(PARAMETERS, tabulate_parameters(gap.values))
     for note in gap.values["notes"]:

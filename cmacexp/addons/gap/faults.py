@@ -6,14 +6,15 @@ has no fault of units, sign or order, however far it is from its commands. A fau
 """
 
 from collections.abc import Collection, Iterator
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
 from cmacexp.addons.gap.log import KEY, Log
 from cmacexp.addons.gap.machine import Machine
+from cmacexp.addons.gap.model_faults import NOTE, Fault, check_against_model
 from cmacexp.addons.gap.problem import Problem
-from cmacexp.addons.gap.regression import DELAYS, GRAVITY, MOST_LEFT, Regression, list_unexplained
+from cmacexp.addons.gap.regression import Regression, list_unexplained
 from cmacexp.addons.gap.signals import Signals, differentiate, is_quantised, low_pass
 from cmacexp.errors import BadInput, require
 from cmacexp.typing import Array
@@ -26,8 +27,8 @@ NORM_ERROR = 0.01
 """Tolerance of the norm of an orientation, a unit quaternion."""
 LEAST_RANGE = 0.02
 """Least range of the motion of a joint that identifies anything of it, rad."""
-LEAST_TURNS = 4
-"""Least number of reversals of that motion."""
+LEAST_TURNS = 1
+"""Least number of reversals of that motion, which tell friction from an offset."""
 BEYOND = 0.1
 """Tolerance of the limits of the joints in the model, rad."""
 SLOPES = (0.5, 1.4)
@@ -41,35 +42,31 @@ ADVANCE = 3.0
 """Motion between two rows, over speed times spacing, above which rows were lost and times were renumbered."""
 SPIKE = 25.0
 """Second difference, over the 99th percentile of the joint, above which a value is an outlier."""
-FROZEN = (0.15, 0.3)
-"""Limits of a frozen encoder: time at exactly one angle, s, and motion of the command meanwhile over its range."""
+FROZEN = (0.15, 0.3, 0.1)
+"""Limits of a frozen encoder: time at exactly one angle, s, motion of the command meanwhile over its range, and the
+first step afterwards over that motion."""
 CLIPPED = (3, 3, 0.15)
 """Limits of a clipped angle: number of stops of a moving joint at exactly its extreme angle, rows of each stop, and
 speed just before it over the RMS speed: joints that stick by friction come to rest slowly."""
-UNIT = (0.3, 3.0)
-"""Ratios of torque for one joint, beyond which its measured torque is in another unit: a payload changes less."""
+SAME_VELOCITY = (0.8, 1.25)
+"""Measured velocity over that of the angles, beyond which their times are wrong."""
+ALIKE = (0.9, 0.1)
+"""Correlation of both velocities from which a joint counts, and relative difference of their ratio between joints."""
+UNSIGNED = (0.02, 0.01)
+"""Torque over its largest value that counts as none, and share of rows with none: a magnitude returns to 0."""
 MOST_TURNED = 4.0 * np.pi
 """Largest angle, rad, of a joint without limits whose torque drives and model do not explain."""
 
 
 KINDS = (
-    "copied", "scale", "zero", "order", "range", "clipped", "jump", "rest", "frozen", "lost", "torque", "delay",
-    "sign", "model", "damping", "gravity",
+    "copied", "scale", "zero", "order", "range", "clipped", "jump", "rest", "frozen", "lost", "rate", "unsigned",
+    "torque", "delay", "sign", "model", "damping", "gravity",
 )  # fmt: skip
 """Kinds of faults that ``--accept`` makes notes."""
-CAUSES = {"copied", "scale", "zero", "order", "range", "frozen", "clipped", "jump", "lost", "torque"}
+CAUSES = {
+    "copied", "scale", "zero", "order", "range", "frozen", "clipped", "jump", "lost", "rate", "unsigned", "torque",
+}  # fmt: skip
 """Kinds of faults after which a comparison with the model says nothing more."""
-NOTE = "note"
-"""Kind of what is no fault, and only noted."""
-
-
-class Fault(NamedTuple):
-    """A fault of a log: its kind, what it is, and the option and value that go on."""
-
-    kind: str
-    text: str
-    option: str = "--accept"
-    value: str = ""
 
 
 class Unfit(BadInput):
@@ -93,10 +90,12 @@ def check(problem: Problem, regression: Regression, accepted: Collection[str] = 
     for j in range(len(log.joints)):
         faults += _check_angle(log, problem.machine, j, j in implausible)
     faults += _check_lost_rows(log)
-    if log.torque is not None and log.has_drives:
+    if log.velocity is not None:
+        faults += _check_velocity(log, log.velocity)
+    if log.torque is not None:
         faults += _check_torque(log, log.torque)
-    if log.is_unit_known and not CAUSES.difference(accepted).intersection(fault.kind for fault in faults):
-        faults += _check_against_model(problem, regression)
+    if not CAUSES.difference(accepted).intersection(fault.kind for fault in faults):
+        faults += check_against_model(problem, regression)
     refused = [fault for fault in faults if fault.kind not in (NOTE, *accepted)]
     if refused:
         raise _refuse(log, refused)
@@ -124,6 +123,21 @@ def _refuse(log: Log, faults: list[Fault]) -> Unfit:
     return Unfit(KEY, log.path, f"{text}; {advice}", options)
 
 
+def drop_commands(log: Log) -> Log:
+    """Return a log without its commands if they do not agree with the angles and are not needed; a note says so.
+
+    They are not where torques are measured and gains unknown: they only show the lag.
+    """
+    if log.command is None or log.torque is None or log.has_gains:
+        return log
+    faults = [fault for fault in _check_pairs(log, log.command, range(len(log.joints))) if fault.kind != "copied"]
+    if not faults:
+        return log
+    more = f" (and {len(faults) - 1} more)" * (len(faults) > 1)
+    text = f"Commands are not used, since torques are logged: {faults[0].text}{more}."
+    return replace(log, command=None, command_velocity=np.zeros_like(log.angle)).note(text)
+
+
 def check_values(log: Log) -> None:
     """Check that a log has enough rows, and finite values of plausible size; raise BadInput."""
     rows = len(log.time)
@@ -135,7 +149,9 @@ def check_values(log: Log) -> None:
         for index in () if values is None else map(tuple, np.argwhere(~(np.abs(values) < LARGEST)).tolist()):
             name = quantity if quantity in ("time", "orientation") else log.column(quantity, index[1])
             raise BadInput(
-                KEY, log.path, f"column {name} is {values[index]} in row {index[0]}: fill or cut such rows"
+                KEY,
+                log.path,
+                f"column {name} is {values[index]} in row {log.find_row(index[0])}: fill or cut such rows",
             )
     if log.orientation is not None:
         norms = np.linalg.norm(log.orientation, axis=1)
@@ -159,9 +175,10 @@ def _check_pairs(log: Log, command: Array, unexplained: Collection[int]) -> Iter
     apart = np.abs(np.median(log.angle - command, axis=0))
     for j in sorted(unexplained):
         if not SLOPES[0] <= slopes[j] <= SLOPES[1]:
-            ratio = abs(slopes[j]) * np.pi / 180.0
-            in_degrees = SLOPES[0] <= ratio <= SLOPES[1]
-            mend = ("--units", "angle=deg") if in_degrees else ("--accept", "")
+            mend = ("--accept", "")
+            for key, values, ratio in (("angle", log.angle, np.pi / 180.0), ("command", command, 180.0 / np.pi)):
+                if SLOPES[0] <= abs(slopes[j]) * ratio <= SLOPES[1] and np.abs(values[:, j]).max() > 2.0 * np.pi:
+                    mend = ("--units", f"{key}=deg")
             yield Fault(
                 "scale",
                 f"column {angles[j]} moves {slopes[j]:.3g} times as far as {commands[j]}, which drives and model do "
@@ -210,6 +227,7 @@ def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool) -> It
         return
     if not (low - BEYOND <= values.min() and values.max() <= high + BEYOND):
         inside = (low - BEYOND <= np.radians(values.min())) and np.radians(values.max()) <= high + BEYOND
+        inside &= bool(np.abs(values).max() > 2.0 * np.pi)
         units = "angle=deg" if log.command is None else "angle=deg,command=deg"
         mend = ("--units", units) if inside and not machine.is_prismatic[j] else ("--accept", "")
         yield Fault(
@@ -225,7 +243,8 @@ def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool) -> It
     if bend.max() > max(SPIKE * np.percentile(bend, 99.0), 0.02 * span, 1e-6):
         yield Fault(
             "jump",
-            f"column {name} jumps at row {row} (t = {log.time[row]:.3f} s): an outlier, or the log was joined there",
+            f"column {name} jumps at row {log.find_row(row)} (t = {log.time[row]:.3f} s): an outlier, or the log was "
+            "joined there",
         )
 
 
@@ -237,127 +256,81 @@ def _check_stops(log: Log, j: int) -> Iterator[Fault]:
     begins, ends = np.append(0, edges), np.append(edges, len(values))
     steps = np.abs(np.diff(values, prepend=values[0]))
     stopped = (ends - begins >= CLIPPED[1]) & (begins > 1)
-    stopped &= steps[begins - 1] > CLIPPED[2] * np.sqrt((steps[1:] ** 2).mean())
+    least = CLIPPED[2] * np.sqrt((steps[1:] ** 2).mean())
+    stopped &= (steps[begins - 1] > least) & (np.append(steps, 0.0)[ends] > least)
     for extreme in (values.min(), values.max()):
         clipped = begins[stopped & (values[begins] == extreme)]
         if len(clipped) >= CLIPPED[0]:
             yield Fault(
                 "clipped",
-                f"column {name} is clipped at {extreme:.4g} rad, {len(clipped)} times, first in row {clipped[0]}",
+                f"column {name} is clipped at {extreme:.4g} rad, {len(clipped)} times, first in row "
+                f"{log.find_row(int(clipped[0]))}",
             )
     command = values if log.command is None else log.command[:, j]
     for k in np.flatnonzero(ends - begins >= max(3, round(FROZEN[0] / log.period))):
-        if np.ptp(command[begins[k] : ends[k]]) > FROZEN[1] * np.ptp(command):
+        way = np.ptp(command[begins[k] : ends[k]])
+        returns = ends[k] < len(values) and steps[ends[k]] < FROZEN[2] * way  # it was stuck: an encoder would jump
+        if way > FROZEN[1] * np.ptp(command) and not returns:
             yield Fault(
                 "frozen",
-                f"column {name} stays at {values[begins[k]]:.4g} from row {begins[k]} "
-                f"to {ends[k] - 1} while its command moves: a frozen encoder",
+                f"column {name} stays at {values[begins[k]]:.4g} from row {log.find_row(int(begins[k]))} "
+                f"to {log.find_row(int(ends[k]) - 1)} while its command moves: a frozen encoder",
             )
 
 
 def _check_lost_rows(log: Log) -> Iterator[Fault]:
     """Yield a fault if rows were lost and the times renumbered.
 
-    All joints together would move several times as far in one row as their speed before and after it says.
+    All joints together would move several times as far in one row as in any row before and after it.
     """
     scaled = log.angle / np.maximum(np.ptp(log.angle, axis=0), LEAST_RANGE)
+    steps = np.linalg.norm(np.diff(scaled, axis=0), axis=1)
     reach = max(3, round(0.02 / log.period))
-    middle = np.arange(reach, len(scaled) - 1 - reach)
-    step, whole = (scaled[middle + 1 + k] - scaled[middle - k] for k in (0, reach))
-    around = (whole - step) / (2.0 * reach)
-    size = (around**2).sum(axis=1)
-    fast = size > 0.1 * np.percentile(size, 95.0)
-    advance = np.divide((step * around).sum(axis=1), size, out=np.zeros_like(size), where=fast)
-    row = int(middle[advance.argmax()]) + 1
-    worst = advance.max()  # much above those of rows that move: an encoder of coarse steps stands still between them
-    if worst > ADVANCE and worst > 2.0 * np.percentile(advance[advance > 0.0], 99.0):
+    around = np.lib.stride_tricks.sliding_window_view(steps, 2 * reach + 1)
+    usual = float(np.median(steps[steps > 0.0])) if steps.any() else 1.0  # encoders of coarse steps stand still, too
+    largest = np.maximum(np.delete(around, reach, axis=1).max(axis=1), usual)
+    advance = around[:, reach] / largest
+    row = int(advance.argmax()) + reach + 1
+    if advance.max() > ADVANCE:
         yield Fault(
             "lost",
-            f"the log moves {worst:.1f} times as far as its speed from row {row - 1} to "
-            f"{row} (t = {log.time[row]:.3f} s): rows were lost and the times rewritten",
+            f"the log moves {advance.max():.1f} times as far as around it from row {log.find_row(row - 1)} to "
+            f"{log.find_row(row)} (t = {log.time[row]:.3f} s): rows were lost and the times rewritten",
         )
 
 
+def _check_velocity(log: Log, velocity: Array) -> Iterator[Fault]:
+    """Yield a fault if measured velocities (n, J), rad/s, are those of the angles at another rate of rows."""
+    measured, own = low_pass(velocity, log.period), low_pass(Signals(log).velocity, log.period)
+    squares = np.maximum((own**2).sum(axis=0), 1e-12)
+    ratios = (measured * own).sum(axis=0) / squares
+    agrees = ratios * np.sqrt(squares) > ALIKE[0] * np.sqrt((measured**2).sum(axis=0))
+    ratio = float(np.median(ratios[agrees])) if 2 * agrees.sum() > len(ratios) else 1.0
+    alike = bool((np.abs(ratios[agrees] - ratio) < ALIKE[1] * ratio).all())
+    in_degrees = SAME_VELOCITY[0] < np.radians(ratio) < SAME_VELOCITY[1]
+    if alike and not in_degrees and not SAME_VELOCITY[0] < ratio < SAME_VELOCITY[1]:
+        rate = 1.0 / log.period
+        text = (
+            f"measured velocities are {ratio:.3g} times those of the angles: the log has {ratio * rate:.4g} rows a "
+            f"second, and not {rate:.4g}"
+        )
+        yield Fault("rate", text, "--rate", f"{ratio * rate:.4g}")
+
+
 def _check_torque(log: Log, torque: Array) -> Iterator[Fault]:
-    """Yield faults of measured torques (n, J), N m, that do not agree with those of the drives."""
+    """Yield faults of measured torques (n, J), N m: without signs, or unlike those of the drives."""
+    is_none = np.abs(torque) < UNSIGNED[0] * np.abs(torque).max(axis=0)
+    if not ((torque < 0.0).any() or is_none.mean() < UNSIGNED[1]) and torque.any():
+        name = log.column("torque", 0)
+        yield Fault("unsigned", f"column {name} and others are never below 0 and return to it: magnitudes of torques")
+    if not log.has_drives:
+        return
     measured = low_pass(torque, log.period)
     expected = low_pass(Signals(log).compute_torque(log.angle) + log.feedforward, log.period)
     slopes = (measured * expected).sum(axis=0) / np.maximum((expected * expected).sum(axis=0), 1e-12)
     for j in np.flatnonzero(~((slopes >= 0.75) & (slopes <= 1.3))).tolist():
         times = f"{slopes[j]:.3g} times what the gains give: check --kp and --kd, or its unit is another"
         yield Fault("torque", f"column {log.column('torque', j)} is {times}", "--units", "torque=unknown")
-
-
-def _check_against_model(problem: Problem, regression: Regression) -> Iterator[Fault]:
-    """Yield faults that a regression of the log on the model shows: times, gains, signs, or too little explained."""
-    log = problem.signals.log
-    late = regression.delay
-    if log.has_drives and not DELAYS[0] <= late <= DELAYS[1]:
-        yield Fault(
-            "delay",
-            f"commands fit best {1e3 * abs(late):.0f} ms {'later' if late > 0 else 'earlier'} than they are written: "
-            "their times are shifted, or --kp or --kd is wrong",
-        )
-    gravity = regression.weights[:, 0]
-    for j in np.flatnonzero(regression.is_certain & (gravity < 0.0)):
-        yield Fault(
-            "sign",
-            f"torque of {log.joints[j]} grows where the model of {problem.machine.joints[j]} says "
-            f"that it falls (factor {gravity[j]:.2f}): its sign, side or joint is another",
-        )
-    power = (problem.signals.torque**2).mean(axis=0)
-    whole = float(np.sqrt((regression.left**2 * power).sum() / max(float(power.sum()), 1e-12)))
-    if whole > MOST_LEFT:
-        yield Fault(
-            "model",
-            f"the model leaves {100.0 * whole:.0f} % of its torque unexplained: order, signs or units of joints, or "
-            "--robot, are wrong, or its base was not level or moved, or its feet touched the ground",
-        )
-    viscous = regression.weights[:, 2]
-    for j in np.flatnonzero(regression.has_negative_friction(log) & log.has_drives):
-        yield Fault(
-            "damping",
-            f"viscous friction of {log.joints[j]} comes out as {viscous[j]:.2g} "
-            f"N m s/rad, below zero: --kd {log.kd[j]:g} is too large",
-        )
-    yield from _check_gravity(problem, regression)
-    if log.has_drives and (median := float(np.median(viscous))) > 0.4 * float(log.kd.mean()):
-        text = f"Viscous friction is {median:.2f} N m s/rad, much beside --kd {log.kd.mean():g}: check that gain."
-        yield Fault(NOTE, text)
-
-
-def _check_gravity(problem: Problem, regression: Regression) -> Iterator[Fault]:
-    """Yield faults of torques in proportion to those of the rigid bodies of the model.
-
-    Ratios that are small or unknown are notes.
-    """
-    log = problem.signals.log
-    gravity = regression.weights[:, 0]
-    certain = regression.is_certain
-    precision = regression.errors[certain, 0] ** -2
-    factor = float(np.average(gravity[certain], weights=precision)) if certain.any() else 1.0
-    times = f"are {factor:.2f} times those of the rigid bodies of the model:"
-    if not GRAVITY[0] <= factor <= GRAVITY[1]:
-        mend = ("--units", "torque=unknown") if problem.signals.is_measured else ("--accept", "")
-        yield Fault("gravity", f"torques {times} gains (--kp), units of torque, or masses are wrong by that", *mend)
-    elif not 0.8 <= factor <= 1.25:
-        yield Fault(NOTE, f"Torques {times} masses, or gains, differ by that.")
-    if not problem.signals.is_measured or log.has_drives:
-        return  # the drives give the unit
-    for j in np.flatnonzero(certain & (gravity > 0.0) & ((gravity < UNIT[0]) | (gravity > UNIT[1]))):
-        yield Fault(
-            "gravity",
-            f"torque of {log.joints[j]} is {gravity[j]:.2f} times that of the rigid bodies of the model: its unit is "
-            "another",
-            "--units",
-            "torque=unknown",
-        )
-    if unknown := [log.joints[j] for j in np.flatnonzero(~certain)]:
-        yield Fault(
-            NOTE,
-            f"Nothing in this log shows whether the torques of {', '.join(unknown)} are in N m: the rigid bodies are "
-            "too light or move too little, and there are no gains.",
-        )
 
 
 def _note(log: Log) -> Iterator[str]:

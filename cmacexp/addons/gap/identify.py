@@ -5,6 +5,7 @@ from there the second minimises the distance of the replayed from the measured a
 A parameter that the log does not excite keeps its prior, has a large standard error, and is refused by name.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -31,6 +32,8 @@ MuJoCo's joints, which creep, it comes out 5 to 18 % low (``examples/10_policy_l
 BETWEEN_ROWS = 0.25
 """Standard error of an inertia over kd times the period of the log, and of viscous friction over kp times it: whether
 a drive computes once a row or between rows too, which changes them by half of that, is not known."""
+MOST_ROWS = 5_000
+"""Largest number of rows that are compared; of a longer log every second, third, ... row is, evenly spread."""
 EVALUATIONS = 25
 """Largest number of replays in one optimisation."""
 
@@ -114,7 +117,8 @@ class _BlockFit:
         self.level = level
         self.joints = problem.machine.blocks[number]
         end = int(np.flatnonzero(rows)[-1]) + 1
-        self.used = np.flatnonzero(rows[:end])
+        used = np.flatnonzero(rows[:end])
+        self.used = used[:: math.ceil(len(used) / MOST_ROWS)]
         expansions, drives = problem.excitation
         self.expansion = Expansion(*(values[:end] for values in expansions[number]))
         drive = drives.choose(self.joints)
@@ -168,7 +172,8 @@ class _BlockFit:
         for _ in range(2):  # the weight of the prior follows from the errors that remain
             x = self._improve(x, fitted)
         errors, slopes = self._compare(x)
-        information = slopes.T @ slopes / measure_variance(errors) + np.eye(len(x))
+        slopes = slopes / self._repeat(measure_variance(errors) ** 0.5)[:, None]
+        information = slopes.T @ slopes + np.eye(len(x))
         self.x, self.covariance = x, np.linalg.inv(information) * np.outer(self.scale, self.scale)
         log = self.problem.signals.log
         values = self.get_values(x)
@@ -184,11 +189,15 @@ class _BlockFit:
             floor = np.hypot(floor, STRUCTURE * size)
         self.covariance[np.arange(self.delay), np.arange(self.delay)] += floor[:, self.level.free].ravel() ** 2
 
+    def _repeat(self, noise: Array) -> Array:
+        """Return the noise of each joint (B,) for each of its compared angles (rows B,), as they are flattened."""
+        return np.tile(noise, len(self.used))
+
     def _improve(self, first: Array, fitted: Mask) -> Array:
         """Return ``first`` with the parameters ``fitted`` (a mask) optimised; errors at ``first`` weigh the prior."""
         from scipy.optimize import least_squares
 
-        noise = measure_variance(self._compare(first)[0]) ** 0.5
+        noise = self._repeat(measure_variance(self._compare(first)[0]) ** 0.5)
         scale = self.scale[fitted]
 
         def complete(y: Array) -> Array:
@@ -201,7 +210,7 @@ class _BlockFit:
             return np.concatenate([errors.ravel() / noise, y - self.mean[fitted] / scale])
 
         def slope(y: Array) -> Array:
-            return np.concatenate([self._compare(complete(y))[1][:, fitted] / noise, np.eye(len(y))])
+            return np.concatenate([self._compare(complete(y))[1][:, fitted] / noise[:, None], np.eye(len(y))])
 
         bounds = (self.low[fitted] / scale, np.inf)
         return complete(

@@ -5,13 +5,14 @@ each leg, arm or finger is a block with its own equations.
 """
 
 import copy
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cmacexp.addons.gap.matching import match_names
 from cmacexp.addons.gap.replay import Expansion
 from cmacexp.config import config_folder
 from cmacexp.errors import require, suggest
@@ -49,6 +50,11 @@ class Machine:
     """Numbers of the joints of each block, in the order of the log."""
     is_prismatic: Mask
     """(J,) true for joints that slide: their units are m, N, N s/m and kg."""
+
+    @property
+    def has_limbs(self) -> bool:
+        """True if the joints are those of several limbs, such as legs."""
+        return len(self.blocks) > 1
 
     def expand(self, block: Counts, angle: Array, velocity: Array, base: Array | None = None) -> Expansion:
         """Expand the equations of a ``block`` along ``angle``, rad, and ``velocity``, rad/s, (N, J) of all joints.
@@ -128,10 +134,15 @@ class Machine:
 
 
 def read_machine(
-    robot: str, names: Sequence[str], pairs: Mapping[str, str] | None = None, left_out: Sequence[str] = ()
+    robot: str,
+    names: Sequence[str],
+    pairs: Mapping[str, str] | None = None,
+    left_out: Sequence[str] = (),
+    still: Collection[str] = (),
 ) -> Machine:
     """Read the model of a ``robot`` for the joints of a log, whose ``names`` are given, and of those ``left_out``.
 
+    Constraints between joints that are ``still`` in the log do not matter.
     ``robot`` is an option of ``conf/machine``, a model of the package, or a file. ``pairs``, names in the model by
     names in the log, are for joints that are called differently. Raises BadInput if there is no such robot, or if a
     joint of the log is not found in it.
@@ -146,7 +157,8 @@ def read_machine(
     index = np.array([joints[name] for name in matched])
     for number in np.flatnonzero(model.eq_active0).tolist():
         joined = _list_constrained(model, number, index)
-        said = [name for name, joint in zip(names, index.tolist(), strict=True) if joint in joined]
+        moved = [(name, joint) for name, joint in zip(names, index.tolist(), strict=True) if name not in still]
+        said = [name for name, joint in moved if joint in joined]
         require(
             not said,
             ROBOT_KEY,
@@ -206,66 +218,10 @@ def _find_path(robot: str) -> Path:
         return find_model(None, robot)
     option = config_folder() / "machine" / f"{robot}.yaml"
     names = [path.stem for path in option.parent.glob("*.yaml")] + [*package_models()]
-    require(
-        robot in names,
-        ROBOT_KEY,
-        robot,
-        f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, names)}",
-    )
+    absent = "there is no such file; it " if Path(robot).suffix else ""
+    reason = f"{absent}must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, names)}"
+    require(robot in names, ROBOT_KEY, robot, reason)
     return find_model(yaml.safe_load(option.read_text()).get("model", robot) if option.is_file() else robot, None)
-
-
-def match_names(
-    names: Sequence[str], joints: Sequence[str], pairs: Mapping[str, str], left_out: Sequence[str] = ()
-) -> tuple[str, ...]:
-    """Return the joint of a model for each name of a log, from the ``joints`` of the model.
-
-    It is the one in ``pairs``, by names of the log, else the one with the same name, else the only one whose name
-    contains it. Letter case and separators do not matter. If all names, with those
-    ``left_out``, are numbers, from 0 or 1 on, and as many as joints of the model, they count these.
-    Raises BadInput if no joint, or more than one, fits a name, or if two names fit one joint.
-    """
-
-    def plain(name: str) -> str:
-        return "".join(c for c in name.lower() if c.isalnum())
-
-    for name, joint in pairs.items():
-        require(
-            name in names,
-            "--joints",
-            f"{name}={joint}",
-            f"the log has no joint {name}{suggest(name, names)}; it has {', '.join(names)}",
-        )
-    numbers = sorted(int(name) for name in (*names, *left_out) if name.isdigit())
-    counted = {
-        str(first + k): [joint]
-        for first in (0, 1)
-        if numbers == [*range(first, first + len(joints))]
-        for k, joint in enumerate(joints)
-    }
-    matched = list[str]()
-    for name in names:
-        wanted = pairs.get(name, name)
-        equal = [joint for joint in joints if plain(joint) == plain(wanted)] or counted.get(wanted, [])
-        close = [wanted] if wanted in joints else equal or [j for j in joints if plain(wanted) in plain(j)]
-        what = f"fits {' and '.join(close[:4])}" if close else f"has no joint in the model{suggest(wanted, joints)}"
-        require(
-            len(close) == 1,
-            "joint of the log",
-            name,
-            f"{what}; say --joints {name}=JOINT, with a joint of {', '.join(joints) or 'which it has none'}, "
-            f"or --leave-out {name}",
-        )
-        matched += close
-    for joint in matched:
-        both = [name for name, match in zip(names, matched, strict=True) if match == joint]
-        require(
-            len(both) == 1,
-            "joint of the model",
-            joint,
-            f"fits {' and '.join(both)} of the log; say which one it is by --joints",
-        )
-    return tuple(matched)
 
 
 def _find_blocks(machine: Machine) -> tuple[Counts, ...]:

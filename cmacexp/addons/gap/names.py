@@ -6,59 +6,67 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from cmacexp.addons.gap.readers import DECLARED
+from cmacexp.addons.gap.readers import DECLARED, SAID
 from cmacexp.errors import require
 
 JOINT = "{joint}"
 NUMBER = "{i}"
 """Stands for the number of a joint in the names of columns, as :data:`JOINT` for its name."""
-ANGLES = ("q", "pos", "position", "angle", "jpos", "qpos", "theta")
-TORQUES = ("tau", "torque", "effort", "force", "current")
+ANGLES = (
+    "q", "pos", "position", "positions", "angle", "angles", "jpos", "qpos", "theta", "joint_pos", "joint_position",
+    "joint_positions", "joint_angle", "joint_angles", "joint_q", "dof_pos",
+)  # fmt: skip
+VELOCITIES = (
+    "dq", "qd", "vel", "velocity", "velocities", "qvel", "speed", "joint_vel", "joint_velocity", "joint_velocities",
+    "dof_vel",
+)  # fmt: skip
+TORQUES = (
+    "tau", "torque", "torques", "effort", "efforts", "moment", "force", "tauEst", "tau_est", "tau_J", "joint_tau",
+    "joint_torque", "joint_torques", "joint_effort", "dof_torque",
+)  # fmt: skip
+CURRENTS = ("current", "currents", "curr", "load")
+"""Signals in place of torques, in units that say nothing of N m."""
 MEASURED = ("measured", "meas", "actual", "act", "state", "est", "estimated")
 COMMANDED = (
     "des", "desired", "cmd", "command", "commanded", "ref", "reference", "target", "setpoint", "goal",
 )  # fmt: skip
+PREFIXES = ("field", "data", "msg", "state", "states", "observation", "observations", "joint_state", "joint_states")
+"""Words before the name of a column that say nothing: fields of a message, and topics."""
 MOST_LISTED = 6
 """Number of names, of those that are tried, that a message lists."""
+
+
+def _list_forms(name: str) -> list[str]:
+    """Return the names of columns of a signal, of a joint by name or number, or of the only one."""
+    return [f"{name}_{JOINT}", f"{JOINT}_{name}", f"{name}{NUMBER}", name]
 
 
 def _combine(signals: Sequence[str], words: Sequence[str]) -> list[str]:
     """Return names of columns, of a joint or the only one, with one of the ``signals`` and one of the ``words``."""
     pairs = [pair for a in signals for b in words for pair in (f"{a}_{b}", f"{b}_{a}")]
-    return [name for pair in pairs for name in (f"{pair}_{JOINT}", f"{JOINT}_{pair}", f"{pair}{NUMBER}", pair)]
+    return [name for pair in pairs for name in _list_forms(pair)]
+
+
+def _measure(signals: Sequence[str]) -> list[str]:
+    """Return names of columns of a measured signal: those that say so come before the others."""
+    plain = [name for signal in signals for name in _list_forms(signal)]
+    return [*_combine(signals, MEASURED), *sorted(plain, key=lambda name: name in signals)]
 
 
 PATTERNS: dict[str, tuple[str, ...]] = {
-    "time": (
-        "time", "t", "timestamp", "stamp", *(
-            f"{name}_{unit}"
-            for name in ("time", "t", "timestamp", "stamp")
-            for unit in ("s", "sec", "ms", "us", "ns")
-        ),
+    "time": tuple(
+        f"{name}{unit}"
+        for unit in ("", "_s", "_sec", "_ms", "_us", "_ns")
+        for name in ("time", "times", "t", "timestamp", "timestamps", "stamp", "duration")
     ),
-    "angle": (
-        *_combine(ANGLES, MEASURED),
-        "q_{joint}", "{joint}_q", "pos_{joint}", "{joint}_pos", "position_{joint}", "{joint}_position", "q{i}",
-        "jpos{i}", "jpos_{joint}", "pos{i}", "joint_states_{joint}_position",
-        "joint_states_position_{joint}", "joint_position_{joint}", "joint_pos_{joint}", "angle_{joint}",
-        "{joint}_angle", "joint_angle_{joint}", "theta_{joint}", "qpos_{joint}", "observation_state_{joint}",
-        *ANGLES,
-    ),
+    "angle": (*_measure(ANGLES), "observation_state_{joint}", f"joint_{NUMBER}"),
     "command": (
         *_combine(ANGLES, COMMANDED), *(f"{word}_{{joint}}" for word in COMMANDED),
-        *(f"{{joint}}_{word}" for word in COMMANDED), "q_d_{joint}", "jpos_des{i}", "jpos_cmd{i}", "jpos_d{i}",
-        "action_{joint}",
+        *(f"{{joint}}_{word}" for word in COMMANDED), "q_d_{joint}", "jpos_d{i}", "action_{joint}",
     ),
-    "command_velocity": (
-        "dq_des_{joint}", "qd_des_{joint}", "{joint}_dq_des", "dq_d_{joint}", "target_qd_{joint}",
-    ),
-    "torque": (
-        *_combine(TORQUES, MEASURED),
-        "tau_{joint}", "{joint}_tau", "torque_{joint}", "{joint}_torque", "effort_{joint}", "{joint}_effort",
-        "tau{i}", "tau_J_{joint}", "joint_states_{joint}_effort", "joint_states_effort_{joint}",
-        "joint_torque_{joint}", "force_{joint}", "{joint}_force", "current_{joint}", "{joint}_current",
-        "tauEst_{joint}", "{joint}_tauEst", *TORQUES,
-    ),
+    "velocity": tuple(_measure(VELOCITIES)),
+    "command_velocity": (*_combine(VELOCITIES, COMMANDED), "dq_d_{joint}", "qd_d_{joint}"),
+    "torque": (*_measure(TORQUES), *_measure(CURRENTS)),
     "feedforward": ("tau_ff_{joint}", "{joint}_tau_ff"),
     "kp": ("kp_{joint}", "kp"),
     "kd": ("kd_{joint}", "kd"),
@@ -67,33 +75,39 @@ PATTERNS: dict[str, tuple[str, ...]] = {
 """Quantities of a log, and the names of their columns that are tried; the first one that occurs is used. Those
 of angles, commands and torques without a joint are of the only one.
 
-Letter case does not matter, and ``_`` stands for any of ``_ . / - [ ] ( )`` and spaces.
+Letter case does not matter, ``_`` stands for any of ``_ . / - [ ] ( ) %`` and spaces, and PREFIXES may stand before.
 """
-SEPARATORS = str.maketrans(dict.fromkeys(" ./-[]():", "_"))
+TIMES = re.compile(r".*_(?:time|t|timestamp|stamp)_*", re.IGNORECASE)
+NO_JOINTS = {*MEASURED, *COMMANDED, *CURRENTS}
+"""Words that are no names of joints: in ``goal_position`` beside ``position`` there is no joint *goal*."""
+SEPARATORS = str.maketrans(dict.fromkeys(" ./-[]():%", "_"))
 
 
-def find_numbered(columns: dict[str, NDArray[Any]], quantity: str, name: str) -> str:
+def find_numbered(columns: dict[str, NDArray[Any]], quantity: str, name: str, joints: Sequence[str] = ()) -> str:
     """Return the pattern of the columns ``name`` of a quantity; raise BadInput for numbers of absent columns.
 
-    Columns that are named by number, such as ``3`` or ``2-7``, are added under the quantity and a number from 0 on.
+    Columns that are named by number, such as ``3`` or ``2-7``, are added under the quantity and a number from 0 on,
+    or the names of as many ``joints`` in the file, of which the last ones count.
     """
     match = re.fullmatch(r"(\d+)(?:-(\d+))?", name)
     if match is None or name in columns:
         return name.replace(NUMBER, JOINT)
     first = int(match[1])
     last = int(match[2] or first)
-    listed = [key for key in columns if key not in (*DECLARED, "notes")]
+    listed = [key for key in columns if key not in (*DECLARED, *SAID)]
     require(
         1 <= first <= last <= len(listed), "--names", f"{quantity}={name}", f"must be columns from 1 to {len(listed)}"
     )
-    for number, column in enumerate(listed[first - 1 : last]):
-        columns[f"{quantity} {number}"] = columns[column]
+    count = last + 1 - first
+    labels = joints[-count:] if 1 < count <= len(joints) else range(count)
+    for label, column in zip(labels, listed[first - 1 : last], strict=True):
+        columns[f"{quantity} {label}"] = columns[column]
     return f"{quantity} {0 if quantity == 'time' else JOINT}"
 
 
 def _compile(pattern: str) -> "re.Pattern[str]":
     """Return the expression that names translated by SEPARATORS match if they fit one of PATTERNS."""
-    text = "_*" + re.escape(pattern).replace("_", "_+") + "_*"
+    text = f"_*(?:(?:{'|'.join(PREFIXES)})_+)*" + re.escape(pattern).replace("_", "_+") + "_*"
     for word, form in {JOINT: "(.+?)", NUMBER: r"(\d+)"}.items():
         text = text.replace(re.escape(word), form)
     return re.compile(text, re.IGNORECASE)
@@ -107,17 +121,27 @@ def _has_open_bracket(text: str) -> bool:
 def list_patterns(tried: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> tuple[str, ...]:
     """Return the names that are ``tried``, as the columns write them, and the shortest ones as they are."""
     listed = dict[str, None]()
+    written = {name: name.translate(SEPARATORS) for name in columns}
+    together = " ".join(written.values()).lower()
     for pattern in tried:
+        words = re.sub("{.*}", "_", pattern).lower().split("_")
+        if not all(word in together for word in words):
+            continue  # which is most of them, without compiling an expression
         form = _compile(pattern)
-        for name in columns:
-            if match := form.fullmatch(name.translate(SEPARATORS)):
+        for name, plain in written.items():
+            if match := form.fullmatch(plain):
                 begin, end = match.span(1) if form.groups else (0, 0)
                 while end < len(name) and _has_open_bracket(name[begin:end]):
                     end += 1
                 listed[name[:begin] + JOINT + name[end:] if form.groups else name] = None
-    plain = sorted((name for name in tried if NUMBER not in name), key=lambda name: (JOINT not in name, len(name)))
-    listed |= dict.fromkeys(plain[:MOST_LISTED])
+    shortest = sorted((name for name in tried if NUMBER not in name), key=lambda name: (JOINT not in name, len(name)))
+    listed |= dict.fromkeys(shortest[:MOST_LISTED])
     return tuple(listed)
+
+
+def find_times(columns: Iterable[str]) -> tuple[str, ...]:
+    """Return the columns whose last word says that they hold times, such as ``meas_time``."""
+    return tuple(name for name in columns if TIMES.fullmatch(name.translate(SEPARATORS)))
 
 
 def match_columns(pattern: str, columns: Iterable[str]) -> dict[str, str]:

@@ -36,6 +36,10 @@ def find_best(values: dict[str, Any]) -> str:
     return min(values["left"], key=lambda name: float(values["left"][name]["value"]))
 
 
+NOT_SHOWN = 1.5
+"""What joints of the first half leave, over what the model leaves, above which that half does not show them."""
+
+
 def summarise(values: dict[str, Any]) -> str:
     """Summarise the values in the first sentences of the page, with the number of strokes and intervals."""
     left = values["left"]
@@ -47,17 +51,21 @@ def summarise(values: dict[str, Any]) -> str:
         model = f"the model of {robot} leaves {left['model']['value']:.1f} % and the best predictor ({best})"
     elif values["explained"]:
         percents = list(values["explained"]["all"].values())
+        is_worse = ", which therefore does not show them" * bool(percents[2] > NOT_SHOWN * percents[1])
         model = (
             f"the model of {robot} leaves {percents[1]:.1f} % along the measured motion and joints identified on the "
-            f"first half {percents[2]:.1f} %, in the second half; the best learner, without a model ({best}), leaves"
+            f"first half{is_worse} {percents[2]:.1f} %, in the second half; the best learner, without a model "
+            f"({best}), leaves"
         )
     else:
         model = f"the best learner, without a model ({best}), leaves"
     text = (
         f"Of the torque of this log {model} {left[best]['value']:.1f} % "
-        f"[{left[best]['low']:.1f}, {left[best]['high']:.1f}] on {left[best]['n']} {strokes} that it had not seen, "
-        f"{fastest['value']:.1f} % [{fastest['low']:.1f}, {fastest['high']:.1f}] on the fastest."
+        f"[{left[best]['low']:.1f}, {left[best]['high']:.1f}] on {left[best]['n']} {strokes} that it had not seen"
     )
+    if values["repeats"]:
+        text += f", {fastest['value']:.1f} % [{fastest['low']:.1f}, {fastest['high']:.1f}] on the fastest"
+    text += "."
     if values["lag"]:
         text += f" Joints are {1e3 * values['lag']['value']:.0f} ms behind their commands."
     if "acting" in values:
@@ -214,17 +222,25 @@ def tabulate_parameters(values: dict[str, Any]) -> list[list[str]]:
         [
             name,
             ", ".join(params["unit"]),
-            *(_format_error(params[key]) if key in params else "-" for key in NAMES),
-            ", ".join(f"{friction:.3g}" for friction in params["coulomb_friction"]["value"]),
+            *(_format_error(params[key], key in NAMES[SIGNED]) if key in params else "-" for key in NAMES),
+            _format_friction(params["coulomb_friction"]),
         ]
         for name, params in values["parameters"].items()
     ]
 
 
-def _format_error(estimate: dict[str, Any]) -> str:
-    if estimate["deviation"] is None:
-        return f"{estimate['value']:.3g}"
-    return f"{estimate['value']:.3g} ± {estimate['deviation']:.2g}"
+def _format_error(estimate: dict[str, Any], is_signed: bool) -> str:
+    """Return a value with its standard error, or the end of its interval if that of a positive one exceeds it."""
+    value, deviation = estimate["value"], estimate["deviation"]
+    if deviation is None:
+        return f"{value:.3g}"
+    return f"{value:.3g} ± {deviation:.2g}" if is_signed or deviation < value else f"< {value + 1.96 * deviation:.2g}"
+
+
+def _format_friction(estimate: dict[str, Any]) -> str:
+    """Return the friction at each knot over the angle, with the largest of their standard errors."""
+    values = ", ".join(f"{friction:.3g}" for friction in estimate["value"])
+    return values if estimate["deviation"] is None else f"{values} ± {max(estimate['deviation']):.2g}"
 
 
 def make_option(gap: Gap) -> str:

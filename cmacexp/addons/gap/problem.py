@@ -235,7 +235,7 @@ class Problem:
             padded = np.concatenate([shared[:, j], np.zeros((regressors.shape[2], shared.shape[2]))])
             left = padded - weighted @ np.linalg.lstsq(weighted, padded, rcond=None)[0]
             rest = left[:, :-1]
-            information += rest.T @ rest / measure_variance(left[: len(regressors), -1:])
+            information += rest.T @ rest / measure_variance(left[: len(regressors), -1:])[0]
         return np.sqrt(np.diag(np.linalg.inv(information)))
 
 
@@ -259,16 +259,16 @@ def regress(problem: Problem, level: Level, rows: Mask) -> Array:
     return values
 
 
-def measure_variance(errors: Array) -> float:
-    """Return the variance of ``errors`` (n, B) times the number of rows that carry the information of one.
+def measure_variance(errors: Array) -> Array:
+    """Return the variance of ``errors`` (n, B), (B,), times the number of rows that carry the information of one.
 
     That number is the integral of their autocorrelation, 1 for independent rows.
     """
     centred = errors - errors.mean(axis=0)
     size = 2 ** math.ceil(math.log2(2 * len(errors)))
     power = np.abs(np.fft.rfft(centred, size, axis=0)) ** 2
-    correlation = np.fft.irfft(power, size, axis=0)[: len(errors) // 4].sum(axis=1)
-    correlation /= correlation[0] or 1.0
-    end = int(np.append(correlation < 0.05, True).argmax())
-    correlated = max(1.0, 2.0 * float(correlation[:end].sum()) - 1.0)
-    return float(max((errors**2).mean(), 1e-18)) * correlated
+    correlation = np.fft.irfft(power, size, axis=0)[: len(errors) // 4]
+    correlation /= np.where(correlation[0] > 0.0, correlation[0], 1.0)
+    ended = np.logical_or.accumulate(correlation < 0.05, axis=0)
+    correlated = np.maximum(1.0, 2.0 * np.where(ended, 0.0, correlation).sum(axis=0) - 1.0)
+    return np.maximum((errors**2).mean(axis=0), 1e-18) * correlated

@@ -1,19 +1,20 @@
-"""Readers of logs: Parquet, CSV, NPZ, MCAP, bags of ROS, and functions of users for other formats.
+"""Readers of logs: Parquet, CSV, NPZ, MAT, HDF5, JSON, and functions of users for other formats.
 
 A reader is a function from a path to columns by name, arrays (n,) or (n, J). Declarations that hold for all rows of a
-file, see DECLARED, are columns too.
+file, see DECLARED, are columns too, as are SAID.
 """
 
+import json
 import re
 import runpy
-from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cmacexp.addons.gap.bags import read_bag, read_mcap
 from cmacexp.errors import BadInput, require, require_extra
 
 Columns = Mapping[str, NDArray[Any]]
@@ -24,6 +25,8 @@ COMPRESSED = (".gz", ".bz2", ".xz", ".zst")
 """Last suffixes of compressed CSV files."""
 DECLARED = ("units", "kp", "kd")
 """Declarations of a file: units in any order, and gains, one for all joints or one for each, separated by commas."""
+SAID = ("joints", "names", "notes")
+"""What a reader says of a file: the names of joints that its columns count, and notes."""
 
 
 def split_declarations(texts: Mapping[str, str]) -> Columns:
@@ -42,16 +45,41 @@ def read_parquet(path: Path) -> Columns:
         for name, values in columns.items()
         if values.dtype == object and isinstance(values[0], np.ndarray | list)
     }
+    named = {
+        name: {f"{name}_{joint}": values for joint, values in zip(joints, lists[name].T, strict=True)}
+        for name, joints in _read_features(path).items()
+        if name in lists and lists[name].shape[1:] == (len(joints),)
+    }
+    columns = {name: values for name, values in (columns | lists).items() if name not in named}
     texts = {key.decode(): text.decode() for key, text in (table.schema.metadata or {}).items()}
-    return {**columns, **lists, **split_declarations(texts)}
+    return {
+        **columns,
+        **{key: it for each in named.values() for key, it in each.items()},
+        **split_declarations(texts),
+    }
+
+
+def _read_features(path: Path) -> dict[str, list[str]]:
+    """Return the names of joints by column that a LeRobot data set around a file declares in ``meta/info.json``."""
+    for file in (folder / "meta" / "info.json" for folder in path.resolve().parents):
+        if file.is_file():
+            features = json.loads(file.read_text()).get("features", {})
+            listed = {name: np.ravel(_unfold(feature.get("names"))) for name, feature in features.items()}
+            return {name: [str(joint).removesuffix(".pos") for joint in joints] for name, joints in listed.items()}
+    return {}
+
+
+def _unfold(names: Any) -> Any:
+    """Return the list in a dictionary of lists with one key, such as ``motors``, or the names themselves."""
+    return next(iter(names.values())) if isinstance(names, dict) and len(names) == 1 else names or []
 
 
 def read_csv(path: Path) -> Columns:
     """Read the columns of a text file, perhaps compressed; lines ``# NAME: VALUE`` declare units or gains.
 
     Columns are separated by semicolons, tabs, commas or spaces; beside separators other than commas, numbers may have
-    decimal commas. A column without a name has its number, from 1 on, as name; a line of names may begin with ``#``.
-    Raises ValueError if two columns have one name.
+    decimal commas. A column without a name, and one whose name has come before, has its number, from 1 on, as name; a
+    line of names may begin with ``#``.
     """
     import io
 
@@ -65,23 +93,31 @@ def read_csv(path: Path) -> Columns:
     comments = [line[1:].partition(":") for line in lines if line.startswith("#")]
     declared = split_declarations({key.strip(): value for key, _, value in comments})
     rows = [line for line in lines if not line.startswith("#")]
-    separator = next((mark for mark in ";\t," if mark in rows[-1]), r"\s+")  # a name may contain any of them
-    decimal = "," if separator != "," and "," in rows[-1] else "."
+    plain = re.sub('"[^"]*"', '""', rows[-1])  # a list in quotes may contain any separator
+    separator = next((mark for mark in ";\t," if mark in plain), r"\s+")  # as may a name
+    decimal = "," if separator != "," and "," in plain else "."
     names = _split(rows[0], separator)
-    if has_numbers := all(is_number(name.replace(decimal, ".")) for name in names):
+    if has_numbers := _is_row(names, _split(rows[min(1, len(rows) - 1)], separator), decimal):
         heads = [_split(line[1:].strip(), separator) for line in lines if line.startswith("#")]
         names = next((head for head in heads if len(head) == len(names)), [str(k + 1) for k in range(len(names))])
-    names = [name or str(k + 1) for k, name in enumerate(names)]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise ValueError(f"its column {twice[0]} comes twice")
+    repeated = [f"{k + 1} ({name})" for k, name in enumerate(names) if name and names.index(name) < k]
+    notes = [f"Columns {', '.join(repeated)} repeat names: they are known by their numbers."] * bool(repeated)
+    names = [name if name and names.index(name) == k else str(k + 1) for k, name in enumerate(names)]
     text = io.StringIO("\n".join(rows if has_numbers else rows[1:]))
     frame = pandas.read_csv(text, sep=separator, names=names, decimal=decimal, skipinitialspace=True, index_col=False)
-    return {**{name: frame[name].to_numpy() for name in names}, **declared}
+    return {**{name: frame[name].to_numpy() for name in names}, **declared, "notes": np.array(notes, dtype=str)}
+
+
+def _is_row(words: list[str], following: list[str], decimal: str) -> bool:
+    """Return True if the ``words`` of a first line are values: numbers, or beside them words of the next line too."""
+    numeric = [is_number(word.replace(decimal, ".")) for word in words]
+    pairs = zip(words, following, numeric, strict=False)
+    return any(numeric) and all(is_value or word == after for word, after, is_value in pairs)
 
 
 def _split(line: str, separator: str) -> list[str]:
-    """Split a line at a separator, and remove spaces and quotes around its words."""
-    return [word.strip().strip("\"'") for word in re.split(separator, line)]
+    """Split a line at a separator outside of double quotes, and remove spaces and quotes around its words."""
+    return [word.strip().strip("\"'") for word in re.split(f'{separator}(?=(?:[^"]*"[^"]*")*[^"]*$)', line)]
 
 
 def is_number(value: Any) -> bool:
@@ -99,150 +135,70 @@ def read_npz(path: Path) -> Columns:
         return dict(file)
 
 
-Topics = Mapping[str, list[tuple[int, dict[str, Any]]]]
-"""Messages by topic: time, ns, and values by name."""
-COMMAND_WORDS = ("command", "cmd", "desired", "target", "reference", "setpoint")
-"""Words in the name of a topic of joint states that are commands."""
+def read_npy(path: Path) -> Columns:
+    """Read an array (n, C) as columns that have their numbers, from 1 on, as names."""
+    return {str(k + 1): column for k, column in enumerate(np.atleast_2d(np.load(path, allow_pickle=False).T))}
 
 
-def read_mcap(path: Path) -> Columns:
-    """Read an MCAP file: joint states and trajectories of ROS 2, see :func:`read_bag`, or numbers in JSON messages.
+def read_mat(path: Path) -> Columns:
+    """Read the arrays of a MAT file of versions 4 to 7.2, those in structures by the names of their fields.
 
-    Numbers become columns ``TOPIC_FIELD``. Rows are the messages of the most frequent topic; other topics are held
-    from one message to the next.
+    A timetable or an object is no array; a file of version 7.3 is one of HDF5.
     """
-    import json
+    from scipy.io import loadmat
 
-    require_extra("mcap")
-    from mcap.reader import make_reader
-
-    topics = defaultdict[str, list[tuple[int, dict[str, Any]]]](list)
-    with path.open("rb") as file:
-        for _, channel, message in make_reader(file).iter_messages():
-            if channel.message_encoding == "cdr":
-                return read_bag(path)
-            if channel.message_encoding == "json":
-                topics[channel.topic.strip("/")].append((message.log_time, json.loads(message.data)))
-    if not topics:
-        raise ValueError("it holds neither JSON nor ROS 2 messages; write a reader for its encoding")
-    return _join(
-        {
-            topic: [
-                (
-                    at,
-                    {
-                        f"{topic}_{name}": value
-                        for name, value in values.items()
-                        if isinstance(value, int | float | list)
-                    },
-                )
-                for at, values in messages
-            ]
-            for topic, messages in topics.items()
-        }
-    )
+    if path.read_bytes()[:128].find(b"MATLAB 7.3") >= 0:
+        return read_hdf5(path)
+    return _unnest({key: value for key, value in loadmat(path, simplify_cells=True).items() if key[:2] != "__"})
 
 
-def read_bag(path: Path) -> Columns:
-    """Read joints in a bag of ROS: a folder of rosbag2, a file ``.db3`` or ``.mcap``, or a ``.bag`` of ROS 1.
+def read_hdf5(path: Path) -> Columns:
+    """Read the arrays of an HDF5 file, those in groups under ``GROUP_NAME``."""
+    require_extra("h5py")
+    import h5py
 
-    ``sensor_msgs/JointState`` gives angles and torques, or commands if its topic is named so;
-    ``trajectory_msgs/JointTrajectory`` gives the commands of its first point, and states of controllers both. Joints
-    are matched by name in each message. Times are those of the headers, or of the recorder without them.
-    """
-    require_extra("rosbags")
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-
-    topics = defaultdict[str, list[tuple[int, dict[str, Any]]]](list)
-    kinds = set[str]()
-    with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as bag:
-        for connection, at, raw in bag.messages():
-            kind = connection.msgtype.rpartition("/")[2]
-            kinds.add(kind)
-            if kind not in JOINT_MESSAGES:
-                continue
-            message: Any = bag.deserialize(raw, connection.msgtype)
-            values = JOINT_MESSAGES[kind](message, any(word in connection.topic.lower() for word in COMMAND_WORDS))
-            stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-            topics[connection.topic].append((stamp or at, values))
-    if not topics:
-        listed = ", ".join(sorted(kinds)) or "none"
-        raise ValueError(f"its messages are {listed}, and none of {', '.join(JOINT_MESSAGES)}; write a reader")
-    return _join(topics)
+    columns = dict[str, NDArray[Any]]()
+    with h5py.File(path) as file:
+        file.visititems(
+            lambda name, item: columns.update({name.replace("/", "_"): item[()]} if hasattr(item, "dtype") else {})
+        )
+    return columns
 
 
-def _name_joints(joints: Sequence[str], signals: Mapping[str, Any]) -> dict[str, float]:
-    """Return the values of signals by ``SIGNAL_JOINT``; signals that lack joints are left out."""
-    return {
-        f"{signal}_{joint}": float(value)
-        for signal, values in signals.items()
-        if values is not None and len(values) == len(joints)
-        for joint, value in zip(joints, values, strict=True)
-    }
+def read_json(path: Path) -> Columns:
+    """Read JSON: columns, records, or one record in each line; of several lists in a file the longest counts."""
+    text = path.read_text()
+    try:
+        content = json.loads(text)
+    except json.JSONDecodeError:
+        content = [json.loads(line) for line in text.splitlines() if line.strip()]
+    if isinstance(content, dict):
+        lists = [value for value in content.values() if isinstance(value, list) and value]
+        records = max((value for value in lists if isinstance(value[0], dict)), key=len, default=None)
+        content = content if records is None else records
+    if isinstance(content, list):
+        nested = [_unnest(record) for record in content]
+        content = {key: [record.get(key, np.nan) for record in nested] for key in nested[0]}
+    return _unnest(content)
 
 
-def _read_joint_state(message: Any, is_command: bool) -> dict[str, float]:
-    names = ("q_des", "dq_des", "tau_ff") if is_command else ("q", "dq", "tau")
-    signals = dict(zip(names, (message.position, message.velocity, message.effort), strict=True))
-    return _name_joints(message.name, signals)
-
-
-def _read_trajectory(message: Any, is_command: bool) -> dict[str, float]:
-    point = next(iter(message.points), None)
-    signals = {} if point is None else {"q_des": point.positions, "dq_des": point.velocities, "tau_ff": point.effort}
-    return _name_joints(message.joint_names, signals)
-
-
-def _read_controller(message: Any, is_command: bool) -> dict[str, float]:
-    actual, desired = (
-        getattr(message, new if hasattr(message, new) else old)
-        for new, old in (("feedback", "actual"), ("reference", "desired"))
-    )
-    signals = {
-        "q": actual.positions,
-        "tau": actual.effort,
-        "q_des": desired.positions,
-        "dq_des": desired.velocities,
-    }
-    return _name_joints(message.joint_names, signals)
-
-
-JOINT_MESSAGES: dict[str, Callable[[Any, bool], dict[str, float]]] = {
-    "JointState": _read_joint_state,
-    "JointTrajectory": _read_trajectory,
-    "JointTrajectoryControllerState": _read_controller,
-}
-"""Readers of messages of ROS by their type; the second argument is true for a topic of commands."""
-
-
-def _join(topics: Topics) -> Columns:
-    """Join messages of topics into columns at the times of the most frequent one, from 0 on, s.
-
-    Each value is held until its next message; before its first one it has its first value. A value of
-    several topics is taken from the topic with the most messages, which a note says.
-    """
-    ordered = sorted(topics, key=lambda topic: len(topics[topic]), reverse=True)
-    times = np.array([at for at, _ in topics[ordered[0]]])
-    columns: dict[str, NDArray[Any]] = {"time": (times - times[0]) * 1e-9}
-    notes = list[str]()
-    for topic in ordered:
-        series = defaultdict[str, list[tuple[int, Any]]](list)
-        for at, values in sorted(topics[topic], key=lambda message: message[0]):
-            for name, value in values.items():
-                series[name].append((at, value))
-        if known := [name for name in series if name in columns]:
-            notes.append(f"Topic {topic} was ignored for {', '.join(known)}, which a more frequent topic has.")
-        for name in (name for name in series if name not in known):
-            last = np.searchsorted([at for at, _ in series[name]], times, side="right") - 1
-            columns[name] = np.array([series[name][max(k, 0)][1] for k in last], dtype=float)
-    return {**dict(sorted(columns.items(), key=lambda item: item[0] != "time")), "notes": np.array(notes, dtype=str)}
+def _unnest(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arrays in nested dictionaries by the names of all levels, joined by ``_``."""
+    columns = dict[str, Any]()
+    for name, value in content.items():
+        inner = _unnest(value) if isinstance(value, Mapping) else None
+        columns |= {name: np.asarray(value)} if inner is None else {f"{name}_{key}": it for key, it in inner.items()}
+    return columns
 
 
 READERS: dict[str, Reader] = {
     ".parquet": read_parquet,
     **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), read_csv),
     ".npz": read_npz,
+    ".npy": read_npy,
+    ".mat": read_mat,
+    **dict.fromkeys((".h5", ".hdf5"), read_hdf5),
+    **dict.fromkeys((".json", ".jsonl", ".ndjson"), read_json),
     ".mcap": read_mcap,
     **dict.fromkeys((".db3", ".bag"), read_bag),
 }

@@ -19,6 +19,11 @@ GRAVITY = (0.6, 1.7)
 """Plausible ratios of the torque of the rigid bodies to that of the model, as masses and gains are inexact."""
 MOST_LEFT = 0.35
 """Largest part of the torque that the regression on model, friction, damping and inertia may leave, RMS over RMS."""
+INDEPENDENT = 0.2
+"""Time after which a row counts as independent of one before it, s."""
+DIFFERS = 1.5
+"""Part of the torque that is left with the rigid bodies of the model, over that with a factor of them, above which
+that factor means something: one of bodies much lighter than friction does not."""
 NEGATIVE = -0.06
 """Viscous friction over the gain kd below which kd is wrong: friction cannot be negative."""
 
@@ -32,15 +37,22 @@ class Regression(NamedTuple):
     """Torque that is left, root of the sum of the mean squares of the joints, N m."""
     left: Array
     """(J,) part of the torque that is left, RMS over RMS."""
+    left_as_modelled: Array
+    """(J,) the same if the factor of the rigid bodies is 1."""
     weights: Array
     """(J, 5) factor of the torque of the rigid bodies, and parameters of the joint."""
     errors: Array
-    """(J, 5) standard errors of the weights, for which one row in 40 counts as independent."""
+    """(J, 5) standard errors of the weights, for which one row in INDEPENDENT seconds counts as independent."""
 
     @property
     def is_certain(self) -> Mask:
         """Mask (J,) of the joints in which the factor of the rigid bodies is known to 30 %."""
         return self.errors[:, 0] < 0.3 * np.abs(self.weights[:, 0])
+
+    @property
+    def differs(self) -> Mask:
+        """Mask (J,) of the joints whose torque a certain factor of the rigid bodies explains better than 1."""
+        return self.is_certain & (self.left_as_modelled > DIFFERS * self.left)
 
     def has_negative_friction(self, log: Log) -> Mask:
         """Return the mask (J,) of the joints whose viscous friction is negative even at its upper bound.
@@ -64,7 +76,8 @@ def fit_model(problem: Problem) -> Regression:
     columns = np.concatenate([problem.rigid[..., None], problem.make_regressors(1)[..., [0, 1, 2, 4]]], axis=-1)
     columns = low_pass(columns, period)[rows]
     inverse = np.linalg.pinv(columns.transpose(1, 0, 2), rcond=1e-10)
-    independent = max(len(columns) / 40.0, 2.0 * columns.shape[2])
+    beside = np.linalg.pinv(columns[..., 1:].transpose(1, 0, 2), rcond=1e-10)
+    independent = max(min(1.0, period / INDEPENDENT) * len(columns), 2.0 * columns.shape[2])
     most = round(0.06 / period)
     delays = range(-most, most + 1)
 
@@ -76,9 +89,13 @@ def fit_model(problem: Problem) -> Regression:
         weights = np.einsum("jpk,kj->jp", inverse, torque)
         squares = ((torque - np.einsum("kjp,jp->kj", columns, weights)) ** 2).sum(axis=0)
         variance = (inverse**2).sum(axis=2) * squares[:, None] / independent
-        left = np.sqrt(squares / np.maximum((torque**2).sum(axis=0), 1e-12))
+        whole = np.maximum((torque**2).sum(axis=0), 1e-12)
+        left = np.sqrt(squares / whole)
+        other = torque - columns[..., 0]
+        other = other - np.einsum("kjp,jp->kj", columns[..., 1:], np.einsum("jpk,kj->jp", beside, other))
+        as_modelled = np.sqrt((other**2).sum(axis=0) / whole)
         rest = float(np.sqrt((left**2 * (torque**2).mean(axis=0)).sum()))
-        return Regression(delay * period, rest, left, weights, np.sqrt(np.maximum(variance, 1e-18)))
+        return Regression(delay * period, rest, left, as_modelled, weights, np.sqrt(np.maximum(variance, 1e-18)))
 
     if log.torque is None:
         return min((solve(compute_torque(delay), delay) for delay in delays), key=lambda fitted: fitted.rest)
@@ -121,11 +138,13 @@ def scale_torque(problem: Problem) -> Log:
     if unknown:
         cure = f" --leave-out {','.join(unknown)} keeps those of the others." if len(unknown) < len(gravity) else ""
         return log.note(
-            f"Torques are in an unknown unit, and the rigid bodies of {', '.join(unknown)} are too light, or move "
-            f"too little, to estimate N m for each unit: tables of the model and identification are left out.{cure}"
+            f"Torques are in an unknown unit, and the rigid bodies of {', '.join(unknown)} are too light, move too "
+            "little, or do not explain them, so that N m for each unit are not known: tables of the model and "
+            f"identification are left out.{cure}"
         )
     listed = ", ".join(f"{joint} {1.0 / factor:.4g}" for joint, factor in zip(log.joints, gravity, strict=True))
+    turned = "; below 0, a unit counts against the joint" * bool((gravity < 0.0).any())
     return replace(log, torque=log.torque / gravity, is_unit_known=True).note(
-        f"Torques are in an unknown unit: N m for each unit follow from the masses of the model ({listed}); what is "
-        "identified is in proportion to these masses."
+        f"Torques are in an unknown unit: N m for each unit follow from the masses of the model ({listed}{turned}); "
+        "what is identified is in proportion to these masses."
     )

@@ -70,16 +70,18 @@ class Signals:
     log: Log
     delay: int = 0
     """Delay of the commands, rows: they act that many rows after the one in which they are logged."""
+    window: float = SMOOTHING_WINDOW
+    """Window of the filter that differentiates angles, s."""
 
     @cached_property
     def velocity(self) -> Array:
         """Velocity of the joints, from measured angles, rad/s."""
-        return differentiate(self.log.angle, self.log.period)
+        return differentiate(self.log.angle, self.log.period, window=self.window)
 
     @cached_property
     def acceleration(self) -> Array:
         """Acceleration of the joints, from measured angles, rad/s^2."""
-        return differentiate(self.log.angle, self.log.period, 2)
+        return differentiate(self.log.angle, self.log.period, 2, self.window)
 
     @cached_property
     def command(self) -> Array:

@@ -19,7 +19,7 @@ from cmacexp.typing import Array, Mask
 
 IDENTIFIED = "identified from earlier strokes"
 OFTEN = 12
-"""Number of strokes up to which the plant is fitted again after every second one."""
+"""Number of strokes up to which the plant is fitted again after every second one, then each time that it doubles."""
 ABOVE = "CMAC over phase"
 """Table that is combined with the identified plant, beside ILC."""
 SETTLE = 0.2
@@ -192,9 +192,9 @@ def refuse_parameters(problem: Problem, fitted: Fit) -> Iterator[str]:
 class Identified:
     """A predictor that replays the plant fitted to all strokes so far; it is fitted again after every second stroke.
 
-    Beyond OFTEN strokes twice as many lie between two fits each time that their number doubles, since a fit takes
-    longer with every stroke. Until the first fit, ``before`` predicts. ``identify_to`` returns the fit to all strokes
-    up to a given one, and the torque (n, J) of the drives in its replay, N m.
+    After OFTEN strokes it is fitted when their number has doubled, since a fit takes longer with every stroke. Until
+    the first fit, ``before`` predicts. ``identify_to`` returns the fit to all strokes up to a given one, and the
+    torque (n, J) of the drives in its replay, N m.
     """
 
     def __init__(self, signals: Signals, before: Learner, identify_to: Callable[[int], tuple[Fit, Array]]):
@@ -210,8 +210,9 @@ class Identified:
     def learn(self, rows: slice, torque: Array) -> None:
         """Fit the plant to the measured angles of all strokes so far, if it is time."""
         stroke = int(self.signals.stroke[rows.start])
-        between = 2 << ((stroke - 1) // OFTEN).bit_length()
-        if stroke % between == 0 and stroke < self.signals.count:
+        doublings, rest = divmod(stroke, OFTEN)
+        is_due = stroke % 2 == 0 if stroke <= OFTEN else rest == 0 and doublings.bit_count() == 1
+        if is_due and stroke < self.signals.count:
             _, self.torque = self.identify_to(stroke)
 
 

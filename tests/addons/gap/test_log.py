@@ -1,5 +1,6 @@
 """Reading a log: the same from every format and under other names and units; one line where something is missing."""
 
+import json
 from functools import partial
 
 import numpy as np
@@ -7,11 +8,13 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
+from scipy.io import savemat
 from support.doors import BadInput
 
-from cmacexp.addons.gap.log import read_log
-from cmacexp.addons.gap.machine import match_names
+from cmacexp.addons.gap.clock import regularise
+from cmacexp.addons.gap.matching import match_names
 from cmacexp.addons.gap.readers import load_reader
+from cmacexp.addons.gap.reading import read_log
 
 TIME = np.arange(0.0, 0.5, 0.005)
 NAMES = ("shoulder", "elbow", "wrist")
@@ -85,7 +88,6 @@ WRONG = {
     "unit": ({"units": {"angle": "grad"}}, "is no unit of angle"),
     "quantity": ({"names": {"angel": "q_{joint}"}}, "is no quantity"),
     "text": ({"rename": {"note": "q_wrist", "q_wrist": "other"}}, "holds no numbers in column q_wrist"),
-    "twice": ({"rename": {"note": "q_wrist"}}, "its column q_wrist comes twice"),
     "one angle": (
         {"rename": {"q_wrist": "Q_wrist"}},
         "no column q_wrist for angle of joint wrist.*--leave-out wrist",
@@ -157,6 +159,17 @@ def test_measured_signals_come_before_filtered_ones_and_one_joint_needs_no_name(
     ):
         with pytest.raises(BadInput, match=said):
             read_log(tmp_path / "log.csv", names, gains={"kp": [20.0], "kd": [1.0]})
+
+
+def test_joints_with_the_same_numbers_are_matched_and_all_others_are_in_one_line():
+    arm = [*(f"panda_joint{k}" for k in range(1, 8)), "panda_finger_joint1", "panda_finger_joint2"]
+    assert match_names([f"fer_joint{k}" for k in range(1, 8)], arm, {}) == tuple(arm[:7])
+    assert match_names([str(k) for k in range(7)], arm, {}) == tuple(arm[:7])
+    with pytest.raises(
+        BadInput, match="no joint a, b; say if it is this order, --joints a=x,b=y, or --leave-out a,b"
+    ):
+        match_names(["a", "b", "z"], ["x", "y", "z"], {})
+    assert match_names(["b"], ["x", "y"], {"a": "x", "b": "y"}, ["a"]) == ("y",)
 
 
 @pytest.mark.parametrize(
@@ -243,3 +256,117 @@ def test_a_bag_of_ros_2_gives_joints_by_name_whatever_their_order(tmp_path):
     order = [log.joints.index(name) for name in NAMES]
     np.testing.assert_allclose([log.angle[:, order], log.command[:, order]], [ANGLE, COMMAND])
     np.testing.assert_allclose(log.time, TIME, atol=1e-9)
+
+
+OTHER_FILES = {
+    "json": lambda path: path.write_text(json.dumps({"gain": 3, "rows": list_records()})),
+    "jsonl": lambda path: path.write_text("\n".join(map(json.dumps, list_records()))),
+    "mat": lambda path: savemat(path, {"time": TIME, "data": {"q": ANGLE.T, "tau": COMMAND}, "joint_names": NAMES}),
+    "npy": lambda path: np.save(path, np.column_stack([TIME, ANGLE, COMMAND])),
+}
+
+
+def list_records():
+    """The log as records, each of a time, angles by joint, and torques by joint."""
+    rows = zip(TIME.tolist(), ANGLE.tolist(), COMMAND.tolist(), strict=True)
+    return [
+        {"time": t, "q": dict(zip(NAMES, q, strict=True)), "tau": dict(zip(NAMES, tau, strict=True))}
+        for t, q, tau in rows
+    ]
+
+
+@pytest.mark.parametrize("suffix", OTHER_FILES)
+def test_files_of_other_tools_are_read(tmp_path, suffix):
+    OTHER_FILES[suffix](tmp_path / f"log.{suffix}")
+    names = {"time": "1", "angle": "2-4", "torque": "5-7"} if suffix == "npy" else {}
+    log = read_log(tmp_path / f"log.{suffix}", names)
+    assert log.joints == (("0", "1", "2") if suffix == "npy" else NAMES)
+    np.testing.assert_allclose([log.angle, log.torque], [ANGLE, COMMAND])
+    np.testing.assert_allclose(log.time, TIME)
+
+
+def test_a_file_of_hdf5_is_read(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file.update({"time": TIME, "observations/qpos": ANGLE, "observations/effort": COMMAND})
+    log = read_log(tmp_path / "log.h5")
+    np.testing.assert_allclose([log.angle, log.torque], [ANGLE, COMMAND])
+
+
+def test_files_with_one_quantity_each_are_joined_under_the_signals_in_their_names(tmp_path):
+    for name, values in {"arm_position": ANGLE, "arm_torque": COMMAND}.items():
+        pd.DataFrame(values, columns=NAMES).assign(t=TIME).to_csv(tmp_path / f"{name}.csv", index=False)
+    log = read_log(tmp_path / "arm_position.csv", others=[tmp_path / "arm_torque.csv"])
+    assert log.joints == NAMES
+    np.testing.assert_allclose([log.angle, log.torque], [ANGLE, COMMAND])
+    for name, values in {"q": ANGLE, "tau": COMMAND}.items():
+        np.savetxt(tmp_path / f"{name}.txt", values)
+    log = read_log(tmp_path / "q.txt", rate=200.0, others=[tmp_path / "tau.txt"])
+    np.testing.assert_allclose([log.angle, log.torque], [ANGLE, COMMAND])
+
+
+@pytest.mark.parametrize("style", ["columns", "list", "no header"])
+def test_names_of_joints_in_the_data_are_those_of_its_numbers(tmp_path, style):
+    """As exported from messages of joint states by bagpy, by lists in cells, and by ``ros2 topic echo --csv``."""
+    table = {"Time": TIME, **{f"field.name{k}": name for k, name in enumerate(NAMES)}}
+    table |= {f"field.position{k}": ANGLE[:, k] for k in range(3)} | {
+        f"field.effort{k}": COMMAND[:, k] for k in range(3)
+    }
+    if style == "list":
+        lists = {"name": [list(NAMES)] * len(TIME), "position": ANGLE.tolist(), "effort": COMMAND.tolist()}
+        table = {"Time": TIME, **lists}
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False, header=style != "no header")
+    numbers = {"time": "1", "angle": "5-7", "torque": "8-10"} if style == "no header" else {}
+    log = read_log(tmp_path / "log.csv", numbers)
+    assert log.joints == NAMES
+    np.testing.assert_allclose([log.angle, log.torque], [ANGLE, COMMAND])
+
+
+def test_a_repeated_name_is_known_by_its_number_a_joint_without_torque_is_passive_and_units_of_time_are_seen(
+    tmp_path,
+):
+    table = pd.DataFrame({**columns(), "note": COMMAND[:, 2], "tau_wrist": ANGLE[:, 2]})
+    table["time"] = np.round(1e6 * TIME).astype(int)
+    table.rename(columns={"note": "q_wrist"}).to_csv(tmp_path / "log.csv", index=False)
+    log = read_log(tmp_path / "log.csv")
+    np.testing.assert_allclose(log.angle, ANGLE)
+    np.testing.assert_allclose(log.torque, ANGLE * [0.0, 0.0, 1.0])
+    np.testing.assert_allclose(log.time, TIME)
+    assert [
+        words in " ".join(log.notes) for words in ("8 (q_wrist) repeat", "shoulder, elbow is logged", "in us")
+    ] == [True] * 3
+
+
+def test_counts_of_sixteen_bits_have_signs(tmp_path):
+    load = np.round(300.0 * np.sin(40.0 * TIME))
+    pd.DataFrame({"time": TIME, "position": TIME, "load": load % 2**16}).to_csv(tmp_path / "log.csv", index=False)
+    np.testing.assert_allclose(read_log(tmp_path / "log.csv").torque[:, 0], load)
+
+
+def test_names_and_episodes_of_a_data_set_are_read(tmp_path):
+    (tmp_path / "meta").mkdir()
+    names = [f"{name}.pos" for name in NAMES]
+    features = {key: {"names": names} for key in ("observation.state", "action")}
+    (tmp_path / "meta" / "info.json").write_text(json.dumps({"features": features}))
+    table = {"observation.state": ANGLE.tolist(), "action": COMMAND.tolist(), "timestamp": TIME}
+    pd.DataFrame(table).to_parquet(tmp_path / "file.parquet")
+    log = read_log(tmp_path / "file.parquet", gains={"kp": [20.0], "kd": [1.0]})
+    assert log.joints == NAMES
+    np.testing.assert_allclose([log.angle, log.command], [ANGLE, COMMAND])
+    twice = {key: np.concatenate([values, values]) for key, values in columns().items()}
+    pd.DataFrame(twice).to_csv(tmp_path / "log.csv", index=False)
+    log = read_log(tmp_path / "log.csv", gains={"kp": [20.0], "kd": [1.0]})
+    once = regularise(log)
+    assert len(once.time) == len(TIME)
+    assert "Time begins anew in 1 places" in once.notes[-1]
+
+
+def test_rows_of_other_topics_are_held(tmp_path):
+    """As PlotJuggler exports two topics: each row has the values of one of them."""
+    own = pd.DataFrame({key: values for key, values in columns().items() if "des" not in key})
+    other = pd.DataFrame({key: values for key, values in columns().items() if "q_" not in key or "des" in key})
+    table = pd.concat([own, other.assign(time=TIME + 1e-3)]).sort_values("time")
+    table.to_csv(tmp_path / "log.csv", index=False)
+    log = regularise(read_log(tmp_path / "log.csv", gains={"kp": [20.0], "kd": [1.0]}))
+    np.testing.assert_allclose(log.angle, ANGLE[1:])
+    np.testing.assert_allclose(log.command, COMMAND[:-1])

@@ -10,9 +10,9 @@ from support.machines import KINDS, make_machines
 
 from cmacexp.addons.gap.analysis import measure
 from cmacexp.addons.gap.identify import LEVELS, fit
-from cmacexp.addons.gap.log import read_log
 from cmacexp.addons.gap.machine import read_machine
 from cmacexp.addons.gap.problem import NAMES, Problem
+from cmacexp.addons.gap.reading import read_log
 from cmacexp.addons.gap.signals import Signals
 from cmacexp.addons.gap.validation import compare_fits, rows_of
 

@@ -1,0 +1,102 @@
+"""Joints of a log and of a model: they are matched by name, by the numbers in their names, or as the user says."""
+
+import re
+from collections.abc import Mapping, Sequence
+
+from cmacexp.errors import BadInput, require, suggest
+
+MOST_SAID = 8
+"""Most joints without a proposal that a message repeats in an option."""
+
+
+def plain(name: str) -> str:
+    """Return a name without separators and letter case, which do not matter."""
+    return "".join(c for c in name.lower() if c.isalnum())
+
+
+def match_names(
+    names: Sequence[str], joints: Sequence[str], pairs: Mapping[str, str], left_out: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Return the joint of a model for each name of a log, from the ``joints`` of the model.
+
+    It is the one in ``pairs``, by names of the log, else the one with the same name, else that with the same number
+    (see :func:`_count`), else the only one whose name contains it. Letter case and separators do not matter.
+    ``left_out`` are other names of the log. Raises BadInput, with all names that no joint, or more than one, fits, or
+    if two names fit one joint.
+    """
+    for name, joint in pairs.items():
+        known = [*names, *left_out]
+        reason = f"the log has no joint {name}{suggest(name, known)}; it has {', '.join(known)}"
+        require(name in known, "--joints", f"{name}={joint}", reason)
+    counted = _count([*names, *left_out], joints)
+    fitting = dict[str, list[str]]()
+    for name in names:
+        wanted = pairs.get(name, name)
+        equal = [joint for joint in joints if plain(joint) == plain(wanted)] or counted.get(wanted, [])
+        fitting[name] = [wanted] if wanted in joints else equal or [j for j in joints if plain(wanted) in plain(j)]
+    if unfit := [name for name, close in fitting.items() if len(close) != 1]:
+        raise _list_unfit(unfit, fitting, joints)
+    matched = [close[0] for close in fitting.values()]
+    for joint in matched:
+        both = [name for name, match in zip(names, matched, strict=True) if match == joint]
+        require(
+            len(both) == 1,
+            "joint of the model",
+            joint,
+            f"fits {' and '.join(both)} of the log; say which one it is by --joints",
+        )
+    return tuple(matched)
+
+
+def _count(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[str]]:
+    """Return the joints that numbered ``names`` count, by name; empty if the names, or the joints, are not so.
+
+    Names that are numbers from 0 or 1 on count as many ``joints``, or as many that differ in their number alone.
+    Names that differ in their number alone count the only joints with the same numbers.
+    """
+    numbers = {name: number for name in names if (number := _split(name)[1]) is not None}
+    stems = {_split(name)[0] for name in names}
+    if len(numbers) != len(names) or len(stems) != 1:
+        return {}
+    groups = dict[str, dict[int, str]]()
+    for joint in joints:
+        stem, number = _split(joint)
+        groups.setdefault(stem, {}).update({} if number is None else {number: joint})
+    ordered = sorted(names, key=lambda name: numbers[name])
+    if stems == {""} and [numbers[name] for name in ordered] in ([*range(len(names))], [*range(1, len(names) + 1)]):
+        alike = [list(joints), *([group[k] for k in sorted(group)] for group in groups.values())]
+        fitting = [group for group in alike if len(group) == len(names)]
+        return {name: [joint] for name, joint in zip(ordered, fitting[0], strict=True)} if fitting else {}
+    same = [group for group in groups.values() if sorted(group) == sorted(numbers.values())]
+    return {name: [same[0][number]] for name, number in numbers.items()} if len(same) == 1 else {}
+
+
+def _split(name: str) -> tuple[str, int | None]:
+    """Return a name with the last number in it left out, and that number; None if it has none."""
+    match = re.fullmatch(r"(.*?)(\d+)(\D*)", name)
+    return (f"{match[1]}{match[3]}", int(match[2])) if match else (name, None)
+
+
+def _list_unfit(names: Sequence[str], fitting: Mapping[str, Sequence[str]], joints: Sequence[str]) -> BadInput:
+    """Return the error for all ``names`` of a log that no joint, or more than one, of the model fits.
+
+    If as many joints of the model are left as names, or the names are numbers, it proposes them in order.
+    """
+    taken = {close[0] for close in fitting.values() if len(close) == 1}
+    free = [joint for joint in joints if joint not in taken]
+    texts = [f"{name} fits {' and '.join(fitting[name][:4])}" for name in names if fitting[name]]
+    if absent := [name for name in names if not fitting[name]]:
+        texts.append(f"the model has no joint {', '.join(absent)}")
+    proposes = len(free) == len(names) or (len(free) > len(names) and all(name.isdigit() for name in names))
+    said = names if proposes or len(names) <= MOST_SAID else names[:2]
+    pairs = ",".join(
+        f"{name}={joint}" for name, joint in zip(said, free if proposes else ["JOINT"] * 99, strict=False)
+    )
+    near = suggest(names[0], joints) if len(names) == 1 else ""
+    joint_option = f"--joints {pairs}{',...' * (len(said) < len(names))}"
+    allowed = "" if proposes else f", with joints of {', '.join(joints) or 'which it has none'}"
+    reason = (
+        f"{'; '.join(texts)}{near}; say {'if it is this order, ' * proposes}{joint_option}{allowed}, or --leave-out "
+        f"{','.join(names)}"
+    )
+    return BadInput("joints of the log", ",".join(names), reason)

@@ -1,0 +1,112 @@
+"""Faults of a log that show against the model of its machine: times, gains, signs, units, or too little explained."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.addons.gap.problem import Problem
+from cmacexp.addons.gap.regression import DELAYS, GRAVITY, MOST_LEFT, Regression
+
+UNIT = (0.3, 3.0)
+"""Ratios of torque for one joint, beyond which its measured torque is in another unit: a payload changes less."""
+NOTE = "note"
+"""Kind of what is no fault, and only noted."""
+
+
+class Fault(NamedTuple):
+    """A fault of a log: its kind, what it is, and the option and value that go on."""
+
+    kind: str
+    text: str
+    option: str = "--accept"
+    value: str = ""
+
+
+def check_against_model(problem: Problem, regression: Regression) -> Iterator[Fault]:
+    """Yield faults that a regression of the log on the model shows: times, gains, signs, or too little explained."""
+    log = problem.signals.log
+    late = regression.delay
+    if log.has_drives and not DELAYS[0] <= late <= DELAYS[1]:
+        yield Fault(
+            "delay",
+            f"commands fit best {1e3 * abs(late):.0f} ms {'later' if late > 0 else 'earlier'} than they are written: "
+            "their times are shifted, or --kp or --kd is wrong",
+        )
+    gravity = regression.weights[:, 0]
+    touched = "its feet touched the ground"
+    reversed_joints = np.flatnonzero(regression.differs & (gravity < 0.0)) if log.is_unit_known else ()
+    for j in reversed_joints:
+        yield Fault(
+            "sign",
+            f"torque of {log.joints[j]} grows where the model of {problem.machine.joints[j]} says that it falls "
+            f"(factor {gravity[j]:.2g}): {f'{touched}, or ' * problem.machine.has_limbs}its sign, side or joint is "
+            "another",
+        )
+    power = (problem.signals.torque**2).mean(axis=0)
+    whole = float(np.sqrt((regression.left**2 * power).sum() / max(float(power.sum()), 1e-12)))
+    poor = [log.joints[j] for j in np.flatnonzero(regression.left > MOST_LEFT)]
+    if not log.is_unit_known and poor:
+        text = f"The model does not explain the torques of {', '.join(poor)} in any unit: it leaves more than"
+        yield Fault(NOTE, f"{text} {100.0 * MOST_LEFT:.0f} % of each.")
+    if log.is_unit_known and whole > MOST_LEFT:
+        wrong = "order, signs or units of joints, or --robot, are wrong"
+        causes = [wrong, "its base was not level or moved", touched]
+        yield Fault(
+            "model",
+            f"the model leaves {100.0 * whole:.0f} % of its torque unexplained: "
+            f"{', or '.join(causes[::-1] if problem.machine.has_limbs else causes)}",
+        )
+    viscous = regression.weights[:, 2]
+    for j in np.flatnonzero(regression.has_negative_friction(log) & log.has_drives):
+        yield Fault(
+            "damping",
+            f"viscous friction of {log.joints[j]} comes out as {viscous[j]:.2g} "
+            f"N m s/rad, below zero: --kd {log.kd[j]:g} is too large",
+        )
+    if log.is_unit_known:
+        is_alike = not len(reversed_joints) and whole <= MOST_LEFT
+        yield from _check_gravity(problem, regression, is_alike)
+    if log.has_drives and (median := float(np.median(viscous))) > 0.4 * float(log.kd.mean()):
+        text = f"Viscous friction is {median:.2f} N m s/rad, much beside --kd {log.kd.mean():g}: check that gain."
+        yield Fault(NOTE, text)
+
+
+def _check_gravity(problem: Problem, regression: Regression, is_alike: bool) -> Iterator[Fault]:
+    """Yield faults of torques in proportion to those of the rigid bodies of the model.
+
+    Ratios that are small or unknown are notes, as is a joint unlike most others. Another unit goes on only if all but
+    their size ``is_alike``.
+    """
+    log = problem.signals.log
+    gravity = regression.weights[:, 0]
+    certain = regression.is_certain
+    precision = regression.errors[certain, 0] ** -2
+    factor = float(np.average(gravity[certain], weights=precision)) if certain.any() else 1.0
+    times = f"are {factor:.2g} times those of the rigid bodies of the model:"
+    if not GRAVITY[0] <= factor <= GRAVITY[1]:
+        mend = (
+            ("--units", "torque=unknown")
+            if problem.signals.is_measured and is_alike and factor > 0.0
+            else ("--accept", "")
+        )
+        yield Fault("gravity", f"torques {times} gains (--kp), units of torque, or masses are wrong by that", *mend)
+    elif not 0.8 <= factor <= 1.25:
+        yield Fault(NOTE, f"Torques {times} masses, or gains, differ by that.")
+    if not problem.signals.is_measured or log.has_drives:
+        return  # the drives give the unit
+    is_odd = (gravity < UNIT[0]) | (gravity > UNIT[1])
+    is_exception = np.count_nonzero(certain & is_odd) < np.count_nonzero(certain & ~is_odd)
+    for j in np.flatnonzero(regression.differs & (gravity > 0.0) & is_odd):
+        times = f"orque of {log.joints[j]} is {gravity[j]:.2g} times that of the rigid bodies of the model"
+        if is_exception:
+            yield Fault(NOTE, f"T{times}: it moves a load that the model lacks, or its unit is another.")
+        else:
+            mend = ("--units", "torque=unknown") if is_alike else ("--accept", "")
+            yield Fault("gravity", f"t{times}: its unit is another", *mend)
+    if unknown := [log.joints[j] for j in np.flatnonzero(~certain)]:
+        yield Fault(
+            NOTE,
+            f"Nothing in this log shows whether the torques of {', '.join(unknown)} are in N m: the rigid bodies are "
+            "too light or move too little, and there are no gains.",
+        )
