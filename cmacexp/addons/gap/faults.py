@@ -94,17 +94,21 @@ def check(problem: Problem, regression: Regression, accepted: Collection[str] = 
         faults += _check_velocity(log, log.velocity)
     if log.torque is not None:
         faults += _check_torque(log, log.torque)
-    if not CAUSES.difference(accepted).intersection(fault.kind for fault in faults):
+    is_compared = not CAUSES.difference(accepted).intersection(fault.kind for fault in faults)
+    if is_compared:
         faults += check_against_model(problem, regression)
     refused = [fault for fault in faults if fault.kind not in (NOTE, *accepted)]
     if refused:
-        raise _refuse(log, refused)
+        raise _refuse(log, refused, is_compared)
     notes = [*_note(log), *(fault.text for fault in faults if fault.kind == NOTE)]
     return notes + [f"Accepted ({fault.kind}): {fault.text}." for fault in faults if fault.kind != NOTE]
 
 
-def _refuse(log: Log, faults: list[Fault]) -> Unfit:
-    """Return the error that names all faults, those of one kind by the first of them, and the options that go on."""
+def _refuse(log: Log, faults: list[Fault], is_compared: bool) -> Unfit:
+    """Return the error that names all faults, those of one kind by the first of them, and the options that go on.
+
+    Unless it ``is_compared`` with the model already, that follows with these options.
+    """
     by_kind = dict[str, list[Fault]]()
     options = dict[str, list[str]]()
     for fault in faults:
@@ -113,6 +117,7 @@ def _refuse(log: Log, faults: list[Fault]) -> Unfit:
         values += [value for value in [fault.value or fault.kind] if value not in values]
     more = {kind: f" (and {len(alike) - 1} more of this kind)" * (len(alike) > 1) for kind, alike in by_kind.items()}
     text = "; ".join(f"{alike[0].text}{more[kind]}" for kind, alike in by_kind.items())
+    text += "; the log was not yet compared with the model" * (not is_compared)
     listed = " ".join(f"{option} {','.join(values)}" for option, values in options.items())
     kinds = ",".join(by_kind)
     accept = f"if the log is right, go on with --accept {kinds}"

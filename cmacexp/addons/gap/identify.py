@@ -27,8 +27,9 @@ STRUCTURE = 0.005
 lack, such as backlash, is no noise. Of an inertia the size is that of all the joint moves, of an offset at least its
 friction."""
 SHAPE = 0.1
-"""Standard error that dry friction has at least, over its size: friction of a joint also depends on its speed. In
-MuJoCo's joints, which creep, it comes out 5 to 18 % low (``examples/10_policy_log.py``; chosen after seeing that)."""
+"""Standard error that dry friction has at least, over its size: friction of a joint also depends on its speed. At the
+RMS speed viscous friction takes as much. In MuJoCo's joints, which creep, dry friction comes out 5 to 19 % low
+(``examples/10_policy_log.py``; chosen after seeing that)."""
 BETWEEN_ROWS = 0.25
 """Standard error of an inertia over kd times the period of the log, and of viscous friction over kp times it: whether
 a drive computes once a row or between rows too, which changes them by half of that, is not known."""
@@ -182,6 +183,8 @@ class _BlockFit:
         if log.has_drives:
             gains = np.column_stack([log.kd, log.kp])[self.joints]
             floor[:, :2] = BETWEEN_ROWS * log.period * gains  # rotor inertia and viscous friction
+        bent = floor[:, OWN:].mean(axis=1) / self.problem.scales[self.joints, 2]
+        floor[:, 1] = np.hypot(floor[:, 1], bent)
         if self.problem.signals.is_measured:
             size = np.abs(values)
             size[:, 0] += np.diagonal(self.expansion.mass, axis1=1, axis2=2).mean(axis=0)
