@@ -12,9 +12,9 @@ from cmacexp.addons.gap.identify import Fit
 from cmacexp.addons.gap.learners import Maker, make_networks, make_tables, place_below, predict_all
 from cmacexp.addons.gap.log import Log
 from cmacexp.addons.gap.machine import Machine
-from cmacexp.addons.gap.problem import LEVELS, Problem, regress
+from cmacexp.addons.gap.problem import LEVELS, Level, Problem, regress
 from cmacexp.addons.gap.regression import fit_model, scale_torque
-from cmacexp.addons.gap.signals import SMOOTHING_WINDOW, Signals, low_pass, measure_lag
+from cmacexp.addons.gap.signals import SMOOTHING_WINDOW, Signals, is_quantised, low_pass, measure_lag
 from cmacexp.typing import Array, Mask
 
 FIRST = 3
@@ -71,6 +71,11 @@ def measure(log: Log, machine: Machine, accepted: Collection[str] = ()) -> Gap:
 
     Raises BadInput if the log is unfit, see :func:`check`; faults of the ``accepted`` kinds are notes.
     """
+    if not is_quantised(log):
+        log = log.note(
+            "The angles show no step of an encoder: they were filtered, resampled or simulated, and noise and "
+            "velocities are those of the filter."
+        )
     log = regularise(log)
     check_values(log)
     log = drop_commands(log)
@@ -113,7 +118,7 @@ def _choose_window(log: Log, machine: Machine) -> Problem:
     Without measured torques it is the default: the torque itself depends on it.
     """
     tried = [Problem(Signals(log, window=window), machine) for window in WINDOWS]
-    return tried[0] if log.torque is None else min(tried, key=lambda problem: fit_model(problem).rest)
+    return tried[0] if log.torque is None else min(tried, key=lambda problem: fit_model(problem).rest_unfiltered)
 
 
 def add_makers(gap: Gap) -> None:
@@ -247,6 +252,18 @@ def _measure_noise(signals: Signals) -> dict[str, Any]:
     }
 
 
+def _regress_best(problem: Problem, rows: Mask) -> Array:
+    """Estimate the joints (J, 4 + K) at ``rows`` (n,), by the level that, fitted to half, explains the others."""
+    first = rows & (np.cumsum(rows) <= rows.sum() // 2)
+    rest = problem.signals.torque - problem.rigid
+
+    def measure_rest(level: Level) -> float:
+        left = rest - problem.compute_joint_torque(regress(problem, level, first))
+        return float((left[rows & ~first] ** 2).mean())
+
+    return regress(problem, min(LEVELS[:-1], key=measure_rest), rows)
+
+
 def _explain(problem: Problem) -> dict[str, Any]:
     """Return the percent of the torque that models leave in the second half of the log, along the measured motion.
 
@@ -255,7 +272,7 @@ def _explain(problem: Problem) -> dict[str, Any]:
     signals = problem.signals
     half = len(signals.log.time) // 2
     first: Mask = np.arange(len(signals.log.time)) < half
-    models = {"model": problem.machine.losses, "identified on the first half": regress(problem, LEVELS[-1], first)}
+    models = {"model": problem.machine.losses, "identified on the first half": _regress_best(problem, first)}
     torque = signals.torque[half:]
     driven: Mask = np.any(torque != 0.0, axis=0)  # others are passive, and have no share of it
     left = {"rigid bodies": torque - problem.rigid[half:]} | {

@@ -2,17 +2,19 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.addons.gap.names import JOINT, PATTERNS
-from cmacexp.addons.gap.readers import DECLARED, SAID, Columns, is_number
+from cmacexp.addons.gap.readers import SAID, Columns, is_number
 
 AXES = ("w", "x", "y", "z")
 """Components of a quaternion, which take the place of ``{joint}`` in the names of an orientation."""
+ROW_OF = re.compile(r"(?:joint|motor)(?:[ _]?(?:idx|index|id|name|number|no))?", re.IGNORECASE)
+"""Names of a column that says of which joint each row is."""
+TIME = re.compile(r".*(?:time|stamp).*|t", re.IGNORECASE)
+"""Names of columns that rows of one time share."""
 NAMING = re.compile(r"(?:.*[^a-z])?(?:joint_?)?names?[^a-z]*", re.IGNORECASE)
 """Names of columns whose text names the joints: ``name``, ``field.name0``, ``joint_names``."""
 
@@ -23,7 +25,7 @@ def split_arrays(columns: Columns) -> dict[str, NDArray[Any]]:
     An array (J, n) is turned. Columns that the file counts get the names of joints too. Raises ValueError for an
     orientation that is no quaternion.
     """
-    arrays = {name: _read_cells(np.asarray(values)) for name, values in columns.items()}
+    arrays = _spread_rows({name: _read_cells(np.asarray(values)) for name, values in columns.items()})
     numeric = sorted((it for it in arrays.values() if it.ndim in (1, 2) and it.dtype.kind in "fiub"), key=np.ndim)
     rows = max((max(it.shape) for it in numeric if it.ndim == numeric[0].ndim), default=0)
     joints = _find_joints(arrays, rows)
@@ -42,37 +44,25 @@ def split_arrays(columns: Columns) -> dict[str, NDArray[Any]]:
     return _name_counted(flat, joints) | ({"joints": np.array(joints)} if joints else {})
 
 
-def join_files(tables: Mapping[Path, Columns]) -> dict[str, NDArray[Any]]:
-    """Join the columns of several files, each with its ``split_arrays``.
-
-    Of names that occur in several files, or are numbers, the signal in the name of the file comes first, such as
-    ``q`` of ``robot_q.csv``, or all of it; columns that are the same in all files are one.
-    """
-    names = [name for columns in tables.values() for name in columns]
-    joined = dict[str, NDArray[Any]]()
-    for path, columns in tables.items():
-        for name, values in columns.items():
-            if name == "notes":
-                joined[name] = np.concatenate([joined.get(name, values[:0]), values])
-            elif name in (*DECLARED, *SAID) or (names.count(name) == 1 and not name.isdigit()):
-                joined[name] = values
-            elif not (name in joined and np.array_equal(joined[name], values)):
-                is_first = name not in joined and not name.isdigit() and _is_same(tables.values(), name)
-                joined[name if is_first else f"{_find_signal(path.stem)}_{name}"] = values
-    return joined
-
-
-def _is_same(tables: Iterable[Columns], name: str) -> bool:
-    """Return True if a column is the same in all tables that have it."""
-    first, *others = (columns[name] for columns in tables if name in columns)
-    return all(np.array_equal(first, values) for values in others)
-
-
-def _find_signal(stem: str) -> str:
-    """Return the name of a file, or the word of it, before which or after which a joint makes a name of PATTERNS."""
-    known = {name for patterns in PATTERNS.values() for name in patterns}
-    words = [stem, *re.split(r"[^A-Za-z]+", stem)]
-    return next((word for word in words if f"{word.lower()}_{JOINT}" in known), stem)
+def _spread_rows(columns: Columns) -> Columns:
+    """Return columns with a row for each time, if each row is one joint, which a column *joint* names or numbers."""
+    name = next((name for name in columns if ROW_OF.fullmatch(name)), None)
+    if name is None or columns[name].ndim != 1:
+        return columns
+    joints = list(dict.fromkeys(columns[name].tolist()))
+    count, rows = len(joints), len(columns[name])
+    if not 1 < count < rows or (columns[name] != np.resize(columns[name][:count], rows)).any():
+        return columns
+    whole = rows // count * count
+    spread = dict[str, NDArray[Any]]()
+    for key, values in columns.items():
+        if values.shape[:1] != (rows,) or key == name:
+            spread |= {} if key == name else {key: values}
+        elif TIME.fullmatch(key):
+            spread[key] = values[:whole:count]
+        else:
+            spread |= {f"{key}_{joint}": values[k:whole:count] for k, joint in enumerate(joints)}
+    return spread
 
 
 def _read_cells(values: NDArray[Any]) -> NDArray[Any]:

@@ -57,8 +57,9 @@ def read_bag(path: Path) -> Mapping[str, NDArray[Any]]:
     """Read joints in a bag of ROS: a folder of rosbag2, a file ``.db3`` or ``.mcap``, or a ``.bag`` of ROS 1.
 
     ``sensor_msgs/JointState`` gives angles and torques, or commands if its topic is named so;
-    ``trajectory_msgs/JointTrajectory`` gives the commands of its first point, and states of controllers both. Joints
-    are matched by name in each message. Times are those of the headers, or of the recorder without them.
+    ``trajectory_msgs/JointTrajectory`` gives the commands of its first point, and states of controllers both;
+    ``sensor_msgs/Imu`` gives the orientation of the base. Joints are matched by name in each message. Times are those
+    of the headers, or of the recorder without them.
     """
     require_extra("rosbags")
     from rosbags.highlevel import AnyReader
@@ -83,7 +84,12 @@ def read_bag(path: Path) -> Mapping[str, NDArray[Any]]:
 
 
 def _name_joints(joints: Sequence[str], signals: Mapping[str, Any]) -> dict[str, float]:
-    """Return the values of signals by ``SIGNAL_JOINT``; signals that lack joints are left out."""
+    """Return the values of signals by ``SIGNAL_JOINT``; signals that lack joints are left out.
+
+    Joints without names are counted.
+    """
+    first = next((values for values in signals.values() if values is not None and len(values)), ())
+    joints = joints or [str(k) for k in range(len(first))]
     return {
         f"{signal}_{joint}": float(value)
         for signal, values in signals.items()
@@ -118,10 +124,17 @@ def _read_controller(message: Any, is_command: bool) -> dict[str, float]:
     return _name_joints(message.joint_names, signals)
 
 
+def _read_imu(message: Any, is_command: bool) -> dict[str, float]:
+    turn = message.orientation
+    values = {"qw": turn.w, "qx": turn.x, "qy": turn.y, "qz": turn.z}
+    return values if any(values.values()) else {}  # zero: the IMU does not know it
+
+
 JOINT_MESSAGES: dict[str, Callable[[Any, bool], dict[str, float]]] = {
     "JointState": _read_joint_state,
     "JointTrajectory": _read_trajectory,
     "JointTrajectoryControllerState": _read_controller,
+    "Imu": _read_imu,
 }
 """Readers of messages of ROS by their type; the second argument is true for a topic of commands."""
 

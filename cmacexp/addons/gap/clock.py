@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from cmacexp.addons.gap.log import KEY, Log
-from cmacexp.addons.gap.outliers import mend_angles
-from cmacexp.addons.gap.reading import RATES
+from cmacexp.addons.gap.outliers import mend_angles, mend_repeats
+from cmacexp.addons.gap.times import RATES
 from cmacexp.errors import BadInput, require
 from cmacexp.typing import Array, Counts, Mask
 
@@ -17,6 +17,8 @@ LONGEST = (0.1, 10.0)
 """Spacing of two rows that cuts a log in pieces: the larger of a time, s, and a multiple of the median."""
 MOST_BACK = 0.01
 """Largest share of rows that are older than the row before them; more are several logs in one file."""
+MISSING = 3.0
+"""Spacing of two rows, relative to the median, above which rows are missing, however much times jitter."""
 STEADY = 1e-3
 """Deviation from the median spacing, relative to it, up to which rows count as evenly spaced."""
 MOST_EMPTY = 0.05
@@ -58,7 +60,7 @@ def regularise(log: Log) -> Log:
         f"has {1.0 / log.period:.3g} rows a second, which robots do not have: say the unit of time, --units time=ms "
         "(or us, ns), or --rate HZ if its times are wrong",
     )
-    log = mend_angles(_fill(log))
+    log = mend_repeats(mend_angles(_fill(log)))
     steps = np.diff(log.time)
     if steps.max() > SPACING * log.period:
         log = _resample(_choose_piece(log))
@@ -80,7 +82,7 @@ def _choose_run(log: Log) -> Log:
     steps = np.diff(log.time)
     period = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     starts = np.flatnonzero(steps < -max(LONGEST[0], LONGEST[1] * period)) + 1
-    if not len(starts) or len(starts) > MOST_BACK * len(log.time):
+    if not len(starts):
         return log
     bounds = np.concatenate([[0], starts, [len(log.time)]])
     longest = int(np.diff(bounds).argmax())
@@ -174,7 +176,7 @@ def _resample(log: Log) -> Log:
 
     angle = interpolate(log.angle)
     if not is_steady and _measure_roughness(log.angle) < _measure_roughness(angle):
-        return replace(log, time=time).note(
+        return _space_evenly(log).note(
             f"{spacing}the times jitter, not the samples: angles are smoother at even times, {1e3 * period:.4g} ms."
         )
     held = np.searchsorted(log.time, time + STEADY * period, side="right") - 1
@@ -187,6 +189,22 @@ def _resample(log: Log) -> Log:
     nearest = np.searchsorted(log.time, time).clip(0, len(log.time) - 1)
     rows = log.rows[nearest] if log.rows.size else nearest
     return replace(log, time=time, rows=rows, **values).note(f"{spacing}resampled every {1e3 * period:.4g} ms.")
+
+
+def _space_evenly(log: Log) -> Log:
+    """Return a log whose rows are spread evenly, except where some are missing: these are interpolated, or held."""
+    steps = np.diff(log.time)
+    missing = np.where(steps > MISSING * log.period, np.round(steps / log.period), 1.0)
+    index = np.concatenate([[0.0], np.cumsum(missing)])
+    every = np.arange(int(index[-1]) + 1, dtype=float)
+    held = np.searchsorted(index, every, side="right") - 1
+    values: dict[str, Any] = {}
+    for key in (*MEASURED, *COMMANDED):
+        if (signal := vars(log)[key]) is not None:
+            between = [np.interp(every, index, column) for column in signal.T]
+            values[key] = np.stack(between, axis=1) if key in MEASURED else signal[held]
+    rows = log.rows[held] if log.rows.size else held
+    return replace(log, time=np.linspace(log.time[0], log.time[-1], len(every)), rows=rows, **values)
 
 
 def _measure_roughness(angle: Array) -> float:

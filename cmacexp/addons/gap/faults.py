@@ -12,10 +12,10 @@ import numpy as np
 
 from cmacexp.addons.gap.log import KEY, Log
 from cmacexp.addons.gap.machine import Machine
-from cmacexp.addons.gap.model_faults import NOTE, Fault, check_against_model
+from cmacexp.addons.gap.model_faults import LEAST_RANGE, NOTE, Fault, check_against_model
 from cmacexp.addons.gap.problem import Problem
 from cmacexp.addons.gap.regression import Regression, list_unexplained
-from cmacexp.addons.gap.signals import Signals, differentiate, is_quantised, low_pass
+from cmacexp.addons.gap.signals import Signals, differentiate, low_pass
 from cmacexp.errors import BadInput, require
 from cmacexp.typing import Array
 
@@ -25,8 +25,6 @@ LARGEST = 1e100
 """Bound of all values of a log, in any unit: the square of a larger one could overflow."""
 NORM_ERROR = 0.01
 """Tolerance of the norm of an orientation, a unit quaternion."""
-LEAST_RANGE = 0.02
-"""Least range of the motion of a joint that identifies anything of it, rad."""
 LEAST_TURNS = 1
 """Least number of reversals of that motion, which tell friction from an offset."""
 BEYOND = 0.1
@@ -52,6 +50,8 @@ SAME_VELOCITY = (0.8, 1.25)
 """Measured velocity over that of the angles, beyond which their times are wrong."""
 ALIKE = (0.9, 0.1)
 """Correlation of both velocities from which a joint counts, and relative difference of their ratio between joints."""
+TICKS = 2.9
+"""Least number of the smallest steps of an angle in one row that says that its joint moves, not just its encoder."""
 UNSIGNED = (0.02, 0.01)
 """Torque over its largest value that counts as none, and share of rows with none: a magnitude returns to 0."""
 MOST_TURNED = 4.0 * np.pi
@@ -216,16 +216,18 @@ def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool) -> It
     values = log.angle[:, j]
     low, high = machine.ranges[j]
     if is_unexplained and not machine.is_prismatic[j]:
-        low, high = max(low, -MOST_TURNED), min(high, MOST_TURNED)
+        zero = 2.0 * np.pi * np.round(values.mean() / (2.0 * np.pi)) if np.isinf(high - low) else 0.0  # of an encoder
+        low, high = max(low, zero - MOST_TURNED), min(high, zero + MOST_TURNED)
     speed = differentiate(values[:, None], log.period)[:, 0]
     moving = speed[np.abs(speed) > 0.1 * np.sqrt((speed**2).mean())]
     span = np.ptp(values)
     turns = np.count_nonzero(np.diff(np.sign(moving)))
     if span < LEAST_RANGE or turns < LEAST_TURNS:
+        turned = "" if span < LEAST_RANGE else f" and turns {turns} times"
         yield Fault(
             "rest",
-            f"joint {joint} moves {span:.2g} rad and turns {turns} times, which identifies neither its friction nor "
-            "its inertia: move it, or leave it out",
+            f"joint {joint} moves {span:.2g} rad{turned}, which identifies neither its friction nor its inertia: "
+            "move it, or leave it out",
             "--leave-out",
             joint,
         )
@@ -233,6 +235,7 @@ def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool) -> It
     if not (low - BEYOND <= values.min() and values.max() <= high + BEYOND):
         inside = (low - BEYOND <= np.radians(values.min())) and np.radians(values.max()) <= high + BEYOND
         inside &= bool(np.abs(values).max() > 2.0 * np.pi)
+        inside &= log.velocity is None or not _compare_velocity(log, log.velocity, 1.0)
         units = "angle=deg" if log.command is None else "angle=deg,command=deg"
         mend = ("--units", units) if inside and not machine.is_prismatic[j] else ("--accept", "")
         yield Fault(
@@ -261,7 +264,8 @@ def _check_stops(log: Log, j: int) -> Iterator[Fault]:
     begins, ends = np.append(0, edges), np.append(edges, len(values))
     steps = np.abs(np.diff(values, prepend=values[0]))
     stopped = (ends - begins >= CLIPPED[1]) & (begins > 1)
-    least = CLIPPED[2] * np.sqrt((steps[1:] ** 2).mean())
+    tick = float(steps[steps > 0.0].min(initial=np.inf))
+    least = max(CLIPPED[2] * np.sqrt((steps[1:] ** 2).mean()), TICKS * tick)
     stopped &= (steps[begins - 1] > least) & (np.append(steps, 0.0)[ends] > least)
     for extreme in (values.min(), values.max()):
         clipped = begins[stopped & (values[begins] == extreme)]
@@ -292,7 +296,8 @@ def _check_lost_rows(log: Log) -> Iterator[Fault]:
     steps = np.linalg.norm(np.diff(scaled, axis=0), axis=1)
     reach = max(3, round(0.02 / log.period))
     around = np.lib.stride_tricks.sliding_window_view(steps, 2 * reach + 1)
-    usual = float(np.median(steps[steps > 0.0])) if steps.any() else 1.0  # encoders of coarse steps stand still, too
+    moved = steps[steps > 0.0] if steps.any() else np.ones(1)
+    usual = max(float(np.median(moved)), TICKS * float(moved.min()))  # encoders of coarse steps stand still, too
     largest = np.maximum(np.delete(around, reach, axis=1).max(axis=1), usual)
     advance = around[:, reach] / largest
     row = int(advance.argmax()) + reach + 1
@@ -304,22 +309,40 @@ def _check_lost_rows(log: Log) -> Iterator[Fault]:
         )
 
 
-def _check_velocity(log: Log, velocity: Array) -> Iterator[Fault]:
-    """Yield a fault if measured velocities (n, J), rad/s, are those of the angles at another rate of rows."""
+def _compare_velocity(log: Log, velocity: Array, factor: float) -> bool:
+    """Return True if measured velocities (n, J) of most joints are ``factor`` times those of the angles."""
+    ratio = _find_ratio(log, velocity)
+    return ratio is not None and SAME_VELOCITY[0] < ratio / factor < SAME_VELOCITY[1]
+
+
+def _find_ratio(log: Log, velocity: Array) -> float | None:
+    """Return how many times those of the angles measured velocities (n, J) are; None if most joints do not agree."""
     measured, own = low_pass(velocity, log.period), low_pass(Signals(log).velocity, log.period)
     squares = np.maximum((own**2).sum(axis=0), 1e-12)
     ratios = (measured * own).sum(axis=0) / squares
     agrees = ratios * np.sqrt(squares) > ALIKE[0] * np.sqrt((measured**2).sum(axis=0))
-    ratio = float(np.median(ratios[agrees])) if 2 * agrees.sum() > len(ratios) else 1.0
-    alike = bool((np.abs(ratios[agrees] - ratio) < ALIKE[1] * ratio).all())
-    in_degrees = SAME_VELOCITY[0] < np.radians(ratio) < SAME_VELOCITY[1]
-    if alike and not in_degrees and not SAME_VELOCITY[0] < ratio < SAME_VELOCITY[1]:
-        rate = 1.0 / log.period
-        text = (
-            f"measured velocities are {ratio:.3g} times those of the angles: the log has {ratio * rate:.4g} rows a "
-            f"second, and not {rate:.4g}"
-        )
-        yield Fault("rate", text, "--rate", f"{ratio * rate:.4g}")
+    if 2 * agrees.sum() <= len(ratios):
+        return None
+    ratio = float(np.median(ratios[agrees]))
+    return ratio if (np.abs(ratios[agrees] - ratio) < ALIKE[1] * ratio).all() else None
+
+
+def _check_velocity(log: Log, velocity: Array) -> Iterator[Fault]:
+    """Yield a fault if measured velocities (n, J), rad/s, are those of the angles at another rate, or of degrees."""
+    ratio = _find_ratio(log, velocity)
+    known = (1.0, 180.0 / np.pi)  # the latter are velocities in degrees a second, which do not matter
+    if ratio is None or any(_compare_velocity(log, velocity, factor) for factor in known):
+        return
+    if _compare_velocity(log, velocity, np.pi / 180.0):
+        text = f"measured velocities are {ratio:.3g} times those of the angles: angles are in degrees"
+        yield Fault("rate", text, "--units", "angle=deg")
+        return
+    rate = 1.0 / log.period
+    text = (
+        f"measured velocities are {ratio:.3g} times those of the angles: the log has {ratio * rate:.4g} rows a "
+        f"second, and not {rate:.4g}"
+    )
+    yield Fault("rate", text, "--rate", f"{ratio * rate:.4g}")
 
 
 def _check_torque(log: Log, torque: Array) -> Iterator[Fault]:
@@ -339,12 +362,7 @@ def _check_torque(log: Log, torque: Array) -> Iterator[Fault]:
 
 
 def _note(log: Log) -> Iterator[str]:
-    """Yield notes on the limits of a log: filtered angles, and commands that do not distinguish or excite joints."""
-    if not is_quantised(log):
-        yield (
-            "The angles show no step of an encoder: they were filtered, resampled or "
-            "simulated, and noise and velocities are those of the filter."
-        )
+    """Yield notes on the limits of a log: commands that do not distinguish or excite joints."""
     if log.command is not None:
         centred = log.command - log.command.mean(axis=0)
         scaled = centred / np.maximum(np.sqrt((centred**2).mean(axis=0)), 1e-9)

@@ -190,6 +190,8 @@ class _BlockFit:
             size[:, 0] += np.diagonal(self.expansion.mass, axis1=1, axis2=2).mean(axis=0)
             size[:, SIGNED] = np.maximum(size[:, SIGNED], values[:, OWN:].mean(axis=1, keepdims=True))
             floor = np.hypot(floor, STRUCTURE * size)
+        if log.unit_error is not None:
+            floor = np.hypot(floor, log.unit_error[self.joints, None] * np.abs(values))
         self.covariance[np.arange(self.delay), np.arange(self.delay)] += floor[:, self.level.free].ravel() ** 2
 
     def _repeat(self, noise: Array) -> Array:

@@ -48,6 +48,8 @@ class Log:
     """Name of the column of each quantity, with ``{joint}`` for the name of a joint."""
     is_unit_known: bool = True
     """False if torques are in a unit that does not say how many N m they are, such as currents."""
+    unit_error: Array | None = None
+    """(J,) relative standard error of N m for each unit of torque, where that was estimated; None: it is known."""
     notes: tuple[str, ...] = ()
     """What was changed or assumed when the log was read, one sentence each."""
 

@@ -14,6 +14,12 @@ def plain(name: str) -> str:
     return "".join(c for c in name.lower() if c.isalnum())
 
 
+def spell(name: str) -> str:
+    """Return a name as other authors may write it: *left* for L, *right* for R, without *joint*."""
+    words = [word for word in re.split(r"[^a-z0-9]+", name.lower()) if word != "joint"]
+    return "".join({"l": "left", "r": "right"}.get(word, word) for word in words)
+
+
 def match_names(
     names: Sequence[str], joints: Sequence[str], pairs: Mapping[str, str], left_out: Sequence[str] = ()
 ) -> tuple[str, ...]:
@@ -33,6 +39,7 @@ def match_names(
     for name in names:
         wanted = pairs.get(name, name)
         equal = [joint for joint in joints if plain(joint) == plain(wanted)] or counted.get(wanted, [])
+        equal = equal or [joint for joint in joints if spell(joint) == spell(wanted)]
         fitting[name] = [wanted] if wanted in joints else equal or [j for j in joints if plain(wanted) in plain(j)]
     if unfit := [name for name, close in fitting.items() if len(close) != 1]:
         raise _list_unfit(unfit, fitting, joints)
@@ -80,18 +87,21 @@ def _split(name: str) -> tuple[str, int | None]:
 def _list_unfit(names: Sequence[str], fitting: Mapping[str, Sequence[str]], joints: Sequence[str]) -> BadInput:
     """Return the error for all ``names`` of a log that no joint, or more than one, of the model fits.
 
-    If as many joints of the model are left as names, or the names are numbers, it proposes them in order.
+    If as many joints of the model are left as names, or the names are numbers, it proposes them in order; names that
+    share a word, such as FL, with as many joints are paired with these.
     """
     taken = {close[0] for close in fitting.values() if len(close) == 1}
     free = [joint for joint in joints if joint not in taken]
     texts = [f"{name} fits {' and '.join(fitting[name][:4])}" for name in names if fitting[name]]
     if absent := [name for name in names if not fitting[name]]:
         texts.append(f"the model has no joint {', '.join(absent)}")
-    proposes = len(free) == len(names) or (len(free) > len(names) and all(name.isdigit() for name in names))
+    choices = _pair_words(names, free)
+    if choices is None:
+        counts = len(free) == len(names) or (len(free) > len(names) and all(name.isdigit() for name in names))
+        choices = dict(zip(names, free, strict=False)) if counts else {}
+    proposes = bool(choices)
     said = names if proposes or len(names) <= MOST_SAID else names[:2]
-    pairs = ",".join(
-        f"{name}={joint}" for name, joint in zip(said, free if proposes else ["JOINT"] * 99, strict=False)
-    )
+    pairs = ",".join(f"{name}={choices.get(name, 'JOINT')}" for name in said)
     near = suggest(names[0], joints) if len(names) == 1 else ""
     joint_option = f"--joints {pairs}{',...' * (len(said) < len(names))}"
     allowed = "" if proposes else f", with joints of {', '.join(joints) or 'which it has none'}"
@@ -100,3 +110,20 @@ def _list_unfit(names: Sequence[str], fitting: Mapping[str, Sequence[str]], join
         f"{','.join(names)}"
     )
     return BadInput("joints of the log", ",".join(names), reason)
+
+
+def _pair_words(names: Sequence[str], joints: Sequence[str]) -> dict[str, str] | None:
+    """Return joints by name that share a word, in order among those with that word; None if no word is shared.
+
+    It is empty if some name is left over.
+    """
+    words = {name: set(re.split(r"[^a-z]+", name.lower())) - {"", "joint"} for name in (*names, *joints)}
+    shared = set.union(*(words[name] for name in names)) & set.union(set(), *(words[joint] for joint in joints))
+    if not shared:
+        return None
+    pairs = dict[str, str]()
+    for word in sorted(shared):
+        own = sorted(name for name in names if word in words[name])
+        other = [joint for joint in joints if word in words[joint]]
+        pairs |= dict(zip(own, other, strict=True)) if len(own) == len(other) else {}
+    return pairs if len(pairs) == len(names) and len(set(pairs.values())) == len(pairs) else {}

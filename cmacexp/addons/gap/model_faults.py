@@ -8,6 +8,11 @@ import numpy as np
 from cmacexp.addons.gap.problem import Problem
 from cmacexp.addons.gap.regression import DELAYS, GRAVITY, MOST_LEFT, Regression
 
+ALIKE = 0.3
+"""Largest distance of the factor of a joint from the median, over that, that another unit makes; a load changes those
+of joints near it more."""
+LEAST_RANGE = 0.02
+"""Least range of the motion of a joint that identifies anything of it, rad."""
 UNIT = (0.3, 3.0)
 """Ratios of torque for one joint, beyond which its measured torque is in another unit: a payload changes less."""
 NOTE = "note"
@@ -34,14 +39,17 @@ def check_against_model(problem: Problem, regression: Regression) -> Iterator[Fa
             "their times are shifted, or --kp or --kd is wrong",
         )
     gravity = regression.weights[:, 0]
+    moves = np.ptp(log.angle, axis=0) >= LEAST_RANGE
     touched = "its feet touched the ground"
-    reversed_joints = np.flatnonzero(regression.differs & (gravity < 0.0)) if log.is_unit_known else ()
+    reversed_joints = np.flatnonzero(regression.differs & moves & (gravity < 0.0)) if log.is_unit_known else ()
+    is_opposite = bool(len(reversed_joints)) and not (regression.is_certain & moves & (gravity > 0.0)).any()
     for j in reversed_joints:
         yield Fault(
             "sign",
             f"torque of {log.joints[j]} grows where the model of {problem.machine.joints[j]} says that it falls "
             f"(factor {gravity[j]:.2g}): {f'{touched}, or ' * problem.machine.has_limbs}its sign, side or joint is "
             "another",
+            *(("--units", "torque=-Nm") if is_opposite and problem.signals.is_measured else ("--accept", "")),
         )
     power = (problem.signals.torque**2).mean(axis=0)
     whole = float(np.sqrt((regression.left**2 * power).sum() / max(float(power.sum()), 1e-12)))
@@ -80,24 +88,24 @@ def _check_gravity(problem: Problem, regression: Regression, is_alike: bool) -> 
     """
     log = problem.signals.log
     gravity = regression.weights[:, 0]
-    certain = regression.is_certain
-    precision = regression.errors[certain, 0] ** -2
-    factor = float(np.average(gravity[certain], weights=precision)) if certain.any() else 1.0
+    moves = np.ptp(log.angle, axis=0) >= LEAST_RANGE
+    certain = regression.is_certain & moves
+    factor = float(np.median(gravity[certain])) if certain.any() else 1.0
     times = f"are {factor:.2g} times those of the rigid bodies of the model:"
-    if not GRAVITY[0] <= factor <= GRAVITY[1]:
-        mend = (
-            ("--units", "torque=unknown")
-            if problem.signals.is_measured and is_alike and factor > 0.0
-            else ("--accept", "")
-        )
-        yield Fault("gravity", f"torques {times} gains (--kp), units of torque, or masses are wrong by that", *mend)
-    elif not 0.8 <= factor <= 1.25:
+    is_odd = (gravity < UNIT[0]) | (gravity > UNIT[1])
+    odd = np.flatnonzero(regression.differs & moves & (gravity > 0.0) & is_odd)
+    is_unit = is_alike and factor > 0.0 and bool((np.abs(gravity[certain] - factor) < ALIKE * factor).all())
+    if not GRAVITY[0] <= factor <= GRAVITY[1] and (is_unit or log.has_drives or not len(odd)):
+        mend = ("--units", "torque=unknown") if problem.signals.is_measured and is_unit else ("--accept", "")
+        load = "the model lacks a load, or " * (problem.signals.is_measured and not is_unit)
+        text = f"torques {times} {load}gains (--kp), units of torque, or masses are wrong by that"
+        yield Fault("gravity", text, *mend)
+    elif not 0.8 <= factor <= 1.25 and not len(odd):
         yield Fault(NOTE, f"Torques {times} masses, or gains, differ by that.")
     if not problem.signals.is_measured or log.has_drives:
         return  # the drives give the unit
-    is_odd = (gravity < UNIT[0]) | (gravity > UNIT[1])
     is_exception = np.count_nonzero(certain & is_odd) < np.count_nonzero(certain & ~is_odd)
-    for j in np.flatnonzero(regression.differs & (gravity > 0.0) & is_odd):
+    for j in odd:
         times = f"orque of {log.joints[j]} is {gravity[j]:.2g} times that of the rigid bodies of the model"
         if is_exception:
             yield Fault(NOTE, f"T{times}: it moves a load that the model lacks, or its unit is another.")

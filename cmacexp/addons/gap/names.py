@@ -21,12 +21,12 @@ VELOCITIES = (
     "dof_vel",
 )  # fmt: skip
 TORQUES = (
-    "tau", "torque", "torques", "effort", "efforts", "moment", "force", "tauEst", "tau_est", "tau_J", "joint_tau",
-    "joint_torque", "joint_torques", "joint_effort", "dof_torque",
+    "tau", "torque", "torques", "effort", "efforts", "eff", "moment", "force", "tauEst", "tau_est", "tau_J",
+    "joint_tau", "joint_torque", "joint_torques", "joint_effort", "dof_torque",
 )  # fmt: skip
 CURRENTS = ("current", "currents", "curr", "load")
 """Signals in place of torques, in units that say nothing of N m."""
-MEASURED = ("measured", "meas", "actual", "act", "state", "est", "estimated")
+MEASURED = ("measured", "meas", "present", "actual", "act", "state", "est", "estimated")
 COMMANDED = (
     "des", "desired", "cmd", "command", "commanded", "ref", "reference", "target", "setpoint", "goal",
 )  # fmt: skip
@@ -59,7 +59,7 @@ PATTERNS: dict[str, tuple[str, ...]] = {
         for unit in ("", "_s", "_sec", "_ms", "_us", "_ns")
         for name in ("time", "times", "t", "timestamp", "timestamps", "stamp", "duration")
     ),
-    "angle": (*_measure(ANGLES), "observation_state_{joint}", f"joint_{NUMBER}"),
+    "angle": (*_measure(ANGLES), "observation_state_{joint}", "joint_{i}", "joint{i}", "j{i}"),
     "command": (
         *_combine(ANGLES, COMMANDED), *(f"{word}_{{joint}}" for word in COMMANDED),
         *(f"{{joint}}_{word}" for word in COMMANDED), "q_d_{joint}", "jpos_d{i}", "action_{joint}",
@@ -77,7 +77,12 @@ of angles, commands and torques without a joint are of the only one.
 
 Letter case does not matter, ``_`` stands for any of ``_ . / - [ ] ( ) %`` and spaces, and PREFIXES may stand before.
 """
+DEGREES = re.compile(r".*_deg(?:rees)?_*", re.IGNORECASE)
+"""Names of columns that say that they are in degrees."""
+COMMAND = re.compile(rf"(?:.*_)?(?:{'|'.join(COMMANDED)})(?:_.*)?", re.IGNORECASE)
+"""Names of columns that are likely to be commands."""
 TIMES = re.compile(r".*_(?:time|t|timestamp|stamp)_*", re.IGNORECASE)
+"""Names of columns that are likely to be times."""
 NO_JOINTS = {*MEASURED, *COMMANDED, *CURRENTS}
 """Words that are no names of joints: in ``goal_position`` beside ``position`` there is no joint *goal*."""
 SEPARATORS = str.maketrans(dict.fromkeys(" ./-[]():%", "_"))
@@ -107,7 +112,8 @@ def find_numbered(columns: dict[str, NDArray[Any]], quantity: str, name: str, jo
 
 def _compile(pattern: str) -> "re.Pattern[str]":
     """Return the expression that names translated by SEPARATORS match if they fit one of PATTERNS."""
-    text = f"_*(?:(?:{'|'.join(PREFIXES)})_+)*" + re.escape(pattern).replace("_", "_+") + "_*"
+    units = "rad|deg|degrees|nm" if pattern.endswith(JOINT) else "rad|deg|degrees|nm|a|ma"
+    text = f"_*(?:(?:{'|'.join(PREFIXES)})_+)*{re.escape(pattern).replace('_', '_+')}(?:_+(?:{units}))?_*"
     for word, form in {JOINT: "(.+?)", NUMBER: r"(\d+)"}.items():
         text = text.replace(re.escape(word), form)
     return re.compile(text, re.IGNORECASE)

@@ -1,4 +1,4 @@
-"""Angles of a log that were read wrongly for one row, or jump by a whole turn: both are mended, and noted."""
+"""Angles that were read wrongly: single values, whole turns, and rows that repeat; all are mended and noted."""
 
 from dataclasses import replace
 
@@ -15,8 +15,41 @@ SMOOTH = 0.5 * np.pi
 """Largest other step of an angle that jumps by turns, rad: larger ones are those of another unit."""
 LEAST_JUMP = 0.02
 """Least distance of an outlier from its neighbours, relative to the range of the joint."""
+LEAST_JOINTS = 2
+"""Least number of joints of which all stand still in a row that repeats the one before: one joint may just rest."""
+AROUND = 10
+"""Rows before and after rows that repeat, with whose steps the jump after them is compared; also most of them."""
+LATE = 1.6
+"""That jump over the median of these steps."""
 MOST = 0.01
 """Share of rows above which values apart from their neighbours are no outliers."""
+
+
+def mend_repeats(log: Log) -> Log:
+    """Return a log without rows in which all joints stand exactly still before they jump: the reader was late there.
+
+    Their angles are interpolated between those around them.
+    """
+    steps = np.abs(np.diff(log.angle, axis=0)).max(axis=1)
+    is_still = steps == 0.0
+    if not is_still.any() or is_still.all() or len(log.joints) < LEAST_JOINTS:
+        return log
+    repeats = np.zeros(len(log.time), dtype=bool)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], is_still, [0]])))
+    for begin, end in edges.reshape(-1, 2):
+        around = steps[max(0, begin - AROUND) : end + 1 + AROUND]
+        usual = np.median(around[around > 0.0])
+        if end < len(steps) and end - begin <= AROUND and steps[end] > LATE * usual:
+            repeats[begin + 1 : end + 1] = True
+    if not repeats.any():
+        return log
+    kept = np.flatnonzero(~repeats)
+    angle = np.stack([np.interp(log.time, log.time[kept], values[kept]) for values in log.angle.T], axis=1)
+    count, first = np.count_nonzero(repeats), int(repeats.argmax())
+    return replace(log, angle=angle).note(
+        f"{count} rows repeat the angles of the row before them while the robot moves, first row "
+        f"{log.find_row(first)}: they were interpolated."
+    )
 
 
 def mend_angles(log: Log) -> Log:

@@ -178,6 +178,11 @@ def read_json(path: Path) -> Columns:
         content = content if records is None else records
     if isinstance(content, list):
         nested = [_unnest(record) for record in content]
+        lengths = [max((len(value) for value in record.values() if value.ndim), default=0) for record in nested]
+        if len(set(lengths)) > 1:  # each record is a run
+            longest = int(np.argmax(lengths))
+            note = f"The file has {len(nested)} runs: the longest is used, number {longest + 1}, {max(lengths)} rows."
+            return {**nested[longest], "notes": np.array([note])}
         content = {key: [record.get(key, np.nan) for record in nested] for key in nested[0]}
     return _unnest(content)
 

@@ -35,6 +35,8 @@ class Regression(NamedTuple):
     """Delay of the commands, s, at which the regression fits best."""
     rest: float
     """Torque that is left, root of the sum of the mean squares of the joints, N m."""
+    rest_unfiltered: float
+    """The same without the filter that both sides of the regression pass."""
     left: Array
     """(J,) part of the torque that is left, RMS over RMS."""
     left_as_modelled: Array
@@ -73,8 +75,8 @@ def fit_model(problem: Problem) -> Regression:
     log = problem.signals.log
     period = log.period
     rows = slice(20, len(log.time) - 20)
-    columns = np.concatenate([problem.rigid[..., None], problem.make_regressors(1)[..., [0, 1, 2, 4]]], axis=-1)
-    columns = low_pass(columns, period)[rows]
+    terms = np.concatenate([problem.rigid[..., None], problem.make_regressors(1)[..., [0, 1, 2, 4]]], axis=-1)
+    columns = low_pass(terms, period)[rows]
     inverse = np.linalg.pinv(columns.transpose(1, 0, 2), rcond=1e-10)
     beside = np.linalg.pinv(columns[..., 1:].transpose(1, 0, 2), rcond=1e-10)
     independent = max(min(1.0, period / INDEPENDENT) * len(columns), 2.0 * columns.shape[2])
@@ -95,7 +97,11 @@ def fit_model(problem: Problem) -> Regression:
         other = other - np.einsum("kjp,jp->kj", columns[..., 1:], np.einsum("jpk,kj->jp", beside, other))
         as_modelled = np.sqrt((other**2).sum(axis=0) / whole)
         rest = float(np.sqrt((left**2 * (torque**2).mean(axis=0)).sum()))
-        return Regression(delay * period, rest, left, as_modelled, weights, np.sqrt(np.maximum(variance, 1e-18)))
+        plain = 0.0
+        if log.torque is not None:
+            plain = float(((log.torque - np.einsum("kjp,jp->kj", terms, weights))[rows] ** 2).mean() ** 0.5)
+        error = np.sqrt(np.maximum(variance, 1e-18))
+        return Regression(delay * period, rest, plain, left, as_modelled, weights, error)
 
     if log.torque is None:
         return min((solve(compute_torque(delay), delay) for delay in delays), key=lambda fitted: fitted.rest)
@@ -144,7 +150,8 @@ def scale_torque(problem: Problem) -> Log:
         )
     listed = ", ".join(f"{joint} {1.0 / factor:.4g}" for joint, factor in zip(log.joints, gravity, strict=True))
     turned = "; below 0, a unit counts against the joint" * bool((gravity < 0.0).any())
-    return replace(log, torque=log.torque / gravity, is_unit_known=True).note(
+    errors = regression.errors[:, 0] / np.abs(gravity)
+    return replace(log, torque=log.torque / gravity, is_unit_known=True, unit_error=errors).note(
         f"Torques are in an unknown unit: N m for each unit follow from the masses of the model ({listed}{turned}); "
-        "what is identified is in proportion to these masses."
+        f"what is identified is in proportion to these masses, and has their error of {100.0 * errors.max():.2g} %."
     )

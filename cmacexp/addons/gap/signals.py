@@ -192,7 +192,7 @@ def is_quantised(log: Log) -> bool:
     """Return True if the angles of most joints, while they move, are multiples of the step of an encoder."""
     shares = list[float]()
     for steps in np.abs(np.diff(log.angle, axis=0)).T:
-        steps = steps[steps > 1e-6]
+        steps = steps[steps > 1e-6]  # and finite
         if len(steps) > 20:
             few = steps[steps < 20.0 * steps.min()] / steps.min()
             shares.append(float((np.abs(few - np.round(few)) < 0.1).mean()) if len(few) > 10 else 0.0)

@@ -225,7 +225,7 @@ def test_a_slow_move_of_an_encoder_with_coarse_steps_is_no_loss_of_rows():
 
 def test_a_log_without_a_fault_is_accepted_with_what_it_cannot_show():
     log = fine()
-    assert any("no step of an encoder" in note for note in check_alone(log))
+    assert any("no step of an encoder" in note for note in notes_of(log))
     twins = replace(
         log, command=log.command[:, [0, 0]], angle=log.angle[:, [0, 0]], kp=log.kp[[0, 0]], kd=log.kd[[0, 0]]
     )

@@ -133,6 +133,9 @@ def test_what_is_missing_or_wrong_is_one_line(tmp_path, name):
 def test_a_joint_without_a_measured_angle_can_be_left_out_and_pairs_of_joints_must_be_of_the_log(tmp_path):
     pd.DataFrame(columns() | {"q_des_thumb": TIME}).to_csv(tmp_path / "log.csv", index=False)
     assert read_log(tmp_path / "log.csv", gains={"kp": [20.0], "kd": [1.0]}, left_out=["thumb"]).joints == NAMES
+    torques = {key.replace("q_des_", "tau_"): values for key, values in columns().items()}
+    pd.DataFrame(torques).to_csv(tmp_path / "log.csv", index=False)
+    assert read_log(tmp_path / "log.csv", left_out=["elbow"]).joints == ("shoulder", "wrist")
     with pytest.raises(BadInput, match="--joints=thumb=wrist: the log has no joint thumb"):
         match_names(NAMES, NAMES, {"thumb": "wrist"})
 
@@ -169,6 +172,9 @@ def test_joints_with_the_same_numbers_are_matched_and_all_others_are_in_one_line
         BadInput, match="no joint a, b; say if it is this order, --joints a=x,b=y, or --leave-out a,b"
     ):
         match_names(["a", "b", "z"], ["x", "y", "z"], {})
+    legs = [f"{leg}_{joint}_joint" for leg in ("FL", "FR") for joint in ("hip", "thigh")]
+    with pytest.raises(BadInput, match="FR_0=FR_hip_joint,FR_1=FR_thigh_joint,FL_0=FL_hip_joint,FL_1=FL_thigh_joint"):
+        match_names(["FR_0", "FR_1", "FL_0", "FL_1"], legs, {})
     assert match_names(["b"], ["x", "y"], {"a": "x", "b": "y"}, ["a"]) == ("y",)
 
 
