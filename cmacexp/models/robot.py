@@ -1,6 +1,7 @@
 """A quadruped with three hinges per leg from its MJCF or URDF model: geometry, masses, limits, losses."""
 
 import hashlib
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -80,7 +81,11 @@ def refusals_named(key: str, value: object) -> Iterator[Any]:
     except BadInput:
         raise
     except ValueError as error:
-        raise BadInput(key, value, f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
+        text = " ".join(str(error).split())
+        reason = f"MuJoCo refuses the model: {text}"
+        if massless := re.search(r"mjMINVAL Element name '(.+?)'", text):
+            reason = f"{massless[1]} moves without a mass and an inertia: give it an <inertial>, and others like it"
+        raise BadInput(key, value, reason) from error
 
 
 def load_spec(path: Path) -> Any:

@@ -213,7 +213,11 @@ ODD = {
         (),
         r"machine\.path=.*there is no absent\.stl, which gives trunk its mass",
     ),
-    "a template": ([("<worldbody>", "<worldbody><!-- ${size} -->")], (), r"machine\.path=.*is a template: expand it"),
+    "a template": (
+        [("<worldbody>", '<worldbody><site name="${size}"/>')],
+        (),
+        r"machine\.path=.*is a template: expand it",
+    ),
     "feet of another width": ("", ("gait.width=0.2",), WALKS),
     "feet too far apart": ("", ("gait.width=2",), r"gait\.width=2\.0: is beyond what FL_\w+_joint reaches"),
     "rotors that the model lacks": ([('armature="0.01"', "")], (), WALKS),
@@ -357,3 +361,28 @@ def test_links_without_inertia_are_named(tmp_path):
     (note,) = (note for note in read(path, *find_names(path)).notes if "inertia" in note)
     assert note.startswith("links without mass or inertia")
     assert "_shank" in note
+
+
+def test_a_link_of_hardly_any_mass_is_read_and_one_that_moves_without_mass_is_named(tmp_path):
+    path = write_urdf(tmp_path)
+    text = path.read_text()
+    inertial = f'<inertial><mass value="1e-9"/><inertia {ZERO}/></inertial>'
+    path.write_text(re.sub('link name="[LR][FH]_FOOT">', rf"\g<0>{inertial}", text))
+    assert read(path, *find_names(path)).mass == pytest.approx(12.4)
+    path.write_text(re.sub(r'("LF_thigh">)<inertial>.*?</inertial>', r"\1", text, flags=re.DOTALL))
+    with pytest.raises(BadInput, match=r"LF_thigh moves without a mass and an inertia: give it an <inertial>"):
+        find_names(path)
+
+
+LOOK = ("<worldbody>", f"<asset>{ABSENT}</asset><worldbody>")
+FIXED = '<body name="wall"><geom type="mesh" mesh="look"/></body>'
+
+
+def test_meshes_of_what_is_fixed_to_the_world_are_left_out_and_pointers_count_as_missing(tmp_path):
+    path = make(tmp_path, [(LOOK[0], f'{LOOK[1]}<geom type="mesh" mesh="look"/>{FIXED}')])
+    (tmp_path / "absent.stl").write_text("version https://git-lfs.github.com/spec/v1")
+    note = "without the missing absent.stl (a Git LFS pointer: run git lfs pull), absent.png, which a run"
+    assert read(path).notes[0].startswith(note)
+    path = make(tmp_path, [LOOK, (FREE, '<geom type="mesh" mesh="look" density="9"/>')])
+    with pytest.raises(BadInput, match=r"there is no absent\.stl \(a Git LFS .*\), which gives trunk its mass"):
+        read(path)
