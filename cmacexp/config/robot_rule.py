@@ -234,9 +234,10 @@ def _find_missing(values: dict[str, Any], missing: Sequence[str]) -> RobotModel:
     path = find_model(values["model"], values["path"])
     weld = values.get("weld", ())
     if "yaw" in missing:
-        values["yaw"] = float(f"{find_yaw(path, weld):.{DIGITS}g}")
+        values["yaw"] = float(f"{find_yaw(path, weld, values.get('joints', ())):.{DIGITS}g}")
     if wanted := [name for name in Names._fields if name in missing]:
-        names = find_names(path, weld, values.get("yaw", 0.0))
+        given = {name: values[name] for name in Names._fields if name in values}
+        names = find_names(path, weld, values.get("yaw", 0.0), **given)
         values |= {name: names._asdict()[name] for name in wanted}
     model = RobotModel(**values)
     if "rotor_inertia" not in missing or (robot := read_model(model)).armature.any():
