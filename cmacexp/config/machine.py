@@ -200,7 +200,7 @@ class RobotMachine(RobotModel):
     """Kind of machine; determines its other fields."""
     hip_height: float = number("m", above=0)
     """Planned height of the thigh joints above the undepressed ground, h0."""
-    width: float | None = number("m", above=0, default=None)
+    width: float | None = number("m", default=None)
     """Width of the stance, that of ``gait.width``."""
     latency: float = number("s", at_least=0, at_most=0.1, default=0.0)
     """Total delay of bus, sensors and drives of a real robot: used for gains, period and lead, not simulated."""

@@ -79,10 +79,13 @@ def test_names_that_do_not_fit_the_model_are_refused(joints, feet, key):
         read_robot(OWN, joints, feet, HOME)
 
 
-def test_a_path_counts_before_the_name():
+def test_a_path_counts_before_the_name(monkeypatch):
     assert find.find_model("go1", str(OWN)) == OWN.resolve()
-    with pytest.raises(BadInput, match=r"^machine\.path=nowhere\.xml"):
-        find.find_model("go1", "nowhere.xml")
+    monkeypatch.setenv("HOME", str(OWN.parent))
+    assert find.find_model(None, f"~/{OWN.name}") == OWN.resolve()
+    for path, fault in {"nowhere.xml": "there is no such file", "~": "is a folder"}.items():
+        with pytest.raises(BadInput, match=rf"^machine\.path={path}: {fault}"):
+            find.find_model("go1", path)
 
 
 def test_a_package_is_found_and_not_imported(tmp_path, monkeypatch):
