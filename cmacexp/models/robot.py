@@ -85,7 +85,7 @@ def refusals_named(key: str, value: object) -> Iterator[Any]:
         text = " ".join(str(error).split())
         reason = f"MuJoCo refuses the model: {text}"
         if massless := re.search(r"mjMINVAL Element name '(.+?)'", text):
-            reason = f"{massless[1]} moves without a mass and an inertia: give it an <inertial>, and others like it"
+            reason = f"{massless[1]} moves but has no mass or inertia: give it, and others like it, an <inertial>"
         raise BadInput(key, value, reason) from error
 
 
