@@ -26,11 +26,7 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
     if unresolved := re.match(r"Error resolving interpolation '\$\{(\w+)\}'", text):  # written in conf/config.yaml
         return f"{unresolved[1]}=null: must be a group of fields; choose an option of conf/{unresolved[1]}"
     if isinstance(error, MissingConfigException) and error.options is not None:
-        path = str(error.missing_cfg_file)
-        group, _, name = path.rpartition("/")
-        if command := format_install_command(path):
-            return f"{group}={name}: is not installed: {command}"
-        return f"{group}={name}: choose from {', '.join(error.options)}{suggest(name, error.options)}"
+        return _explain_option(str(error.missing_cfg_file), error.options)
     if isinstance(error, OverrideParseException):
         return _explain_syntax(error)
     if several := re.match(r"Ambiguous value for argument '(.*?)' ", text):
@@ -46,6 +42,17 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
         return _explain_key(cause, overrides)
     reason = str(cause).splitlines()[0] if str(cause or "") else ""
     return text if reason in text else f"{text} ({reason})"
+
+
+def _explain_option(path: str, options: Sequence[str]) -> str:
+    """Explain that ``path``, GROUP/NAME, is none of the ``options`` of its group."""
+    group, _, name = path.rpartition("/")
+    if path.startswith("machine/") and name.endswith((".xml", ".urdf")):
+        file = path.removeprefix("machine/")
+        return f"machine={file}: is no option; for a file use machine=mjcf machine.path={file}"
+    if command := format_install_command(path):
+        return f"{group}={name}: is not installed: {command}"
+    return f"{group}={name}: choose from {', '.join(options)}{suggest(name, options)}"
 
 
 def _explain_syntax(error: OverrideParseException) -> str:

@@ -8,6 +8,7 @@ from cmacexp.errors import BadInput, require
 from cmacexp.models.leg import GRAVITY_TERMS
 from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_file import describe_origin, find_model
+from cmacexp.models.robot_gains import HEAVY_FOOT, PERIODS, compute_foot_mass, limit_period
 
 HAS_BODY = ("machine.kind in ('quadruped', 'robot')",)
 """Condition for an effect of fields of the body and of fields that select legs."""
@@ -171,6 +172,17 @@ def read_model(machine: RobotModel) -> Robot:
     return read_robot(path, *names, machine.weld, machine.yaw, machine.rotor_inertia)
 
 
+def _list_heavy_feet(robot: Robot) -> list[str]:
+    """Return a warning, as a list, of a long sampling period with feet as heavy as wheels; empty for others."""
+    ratio = compute_foot_mass(robot) / robot.mass
+    if ratio <= HEAVY_FOOT or limit_period(robot) <= PERIODS[0][0]:
+        return []
+    return [
+        f"a foot feels {ratio:.2g} of the mass of the robot, as with wheels: "
+        f"with a sampling_period above {PERIODS[0][0]:g} it may fall or learn little"
+    ]
+
+
 def describe_other_model(machine: object) -> str:
     """Return a one-line warning if the model of a robot differs from the one used for the published results.
 
@@ -180,7 +192,8 @@ def describe_other_model(machine: object) -> str:
     if not isinstance(machine, RobotModel):
         return ""
     if machine.path is not None:
-        notes = read_model(machine).notes
+        robot = read_model(machine)
+        notes = (*robot.notes, *_list_heavy_feet(robot))
         return f"machine.path={machine.path}: {'; '.join(notes)}" if notes else ""
     if None in (machine.model, machine.fingerprint):
         return ""
@@ -200,7 +213,7 @@ class RobotMachine(RobotModel):
     """Kind of machine; determines its other fields."""
     hip_height: float = number("m", above=0)
     """Planned height of the thigh joints above the undepressed ground, h0."""
-    width: float | None = number("m", above=0, default=None)
+    width: float | None = number("m", default=None)
     """Width of the stance, that of ``gait.width``."""
     latency: float = number("s", at_least=0, at_most=0.1, default=0.0)
     """Total delay of bus, sensors and drives of a real robot: used for gains, period and lead, not simulated."""

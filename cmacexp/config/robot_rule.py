@@ -20,7 +20,6 @@ from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.models.robot_file import find_model
 from cmacexp.models.robot_gains import (
-    PERIOD_WITHOUT_ROTORS,
     ROTOR_INERTIA,
     Basis,
     Contact,
@@ -31,6 +30,7 @@ from cmacexp.models.robot_gains import (
     derive_contact,
     derive_drive_gains,
     derive_gains,
+    limit_period,
     make_sampling,
     recommend_period,
 )
@@ -81,7 +81,7 @@ def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
     basis = derive_basis(robot)
     if name in PERIODS:
         value = recommend_period(basis.ratio, _read_loop_delay(_root_), _find_pattern(_root_).gain)
-        value = min(value, PERIODS[name], math.inf if robot.armature.any() else PERIOD_WITHOUT_ROTORS)
+        value = min(value, PERIODS[name], limit_period(robot))
     elif name in DriveGains._fields:
         value = derive_drive_gains(robot, _read_sampling(_root_))._asdict()[name]
     elif name in Contact._fields:
@@ -234,9 +234,10 @@ def _find_missing(values: dict[str, Any], missing: Sequence[str]) -> RobotModel:
     path = find_model(values["model"], values["path"])
     weld = values.get("weld", ())
     if "yaw" in missing:
-        values["yaw"] = float(f"{find_yaw(path, weld):.{DIGITS}g}")
+        values["yaw"] = float(f"{find_yaw(path, weld, values.get('joints', ())):.{DIGITS}g}")
     if wanted := [name for name in Names._fields if name in missing]:
-        names = find_names(path, weld, values.get("yaw", 0.0))
+        given = {name: values[name] for name in Names._fields if name in values}
+        names = find_names(path, weld, values.get("yaw", 0.0), **given)
         values |= {name: names._asdict()[name] for name in wanted}
     model = RobotModel(**values)
     if "rotor_inertia" not in missing or (robot := read_model(model)).armature.any():

@@ -7,6 +7,7 @@ import numpy as np
 from cmacexp.data.records import Drift
 from cmacexp.data.trace import Trace, concat_traces
 from cmacexp.loop.scenario import Scenario
+from cmacexp.models.robot_gains import PERIODS
 from cmacexp.typing import Status
 
 BEFORE_END = 0.02
@@ -42,6 +43,8 @@ def explain_stop(scenario: Scenario, traces: Sequence[Trace], drift: Drift | Non
         clauses.append(f"learning had drifted since cycle {drift.cycle}")
     elif scenario.feedforward.acts and end.steps <= setup.plan.start_step:
         clauses.append("it had not begun to learn")
+        if setup.config.machine.kind == "robot" and setup.config.sampling_period > PERIODS[0][0]:
+            clauses.append(f"try sampling_period={PERIODS[0][0]:g}")
     elif scenario.feedforward.acts and not scenario.is_live:
         clauses.append("feedforward=none shows whether feedback only would have stopped too")
     return "".join(f"; {clause}" for clause in clauses)

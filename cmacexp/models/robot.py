@@ -1,6 +1,7 @@
 """A quadruped with three hinges per leg from its MJCF or URDF model: geometry, masses, limits, losses."""
 
 import hashlib
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -24,8 +25,9 @@ from cmacexp.models.robot_legs import (
     find_legs,
     list_names,
     place_feet,
+    require_feet,
     require_frame,
-    require_names,
+    require_joints,
     torque_limits,
 )
 from cmacexp.models.robot_spec import read_spec, require_own_forces, set_run_options
@@ -80,7 +82,11 @@ def refusals_named(key: str, value: object) -> Iterator[Any]:
     except BadInput:
         raise
     except ValueError as error:
-        raise BadInput(key, value, f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
+        text = " ".join(str(error).split())
+        reason = f"MuJoCo refuses the model: {text}"
+        if massless := re.search(r"mjMINVAL Element name '(.+?)'", text):
+            reason = f"{massless[1]} moves but has no mass or inertia: give it, and others like it, an <inertial>"
+        raise BadInput(key, value, reason) from error
 
 
 def load_spec(path: Path) -> Any:
@@ -258,7 +264,10 @@ def read_robot(
         angles = np.empty(0)  # lists of different lengths are refused below
     leg_joints = tuple(tuple(map(str, leg)) for leg in joints)
     foot_names = tuple(map(str, feet))
-    require_names(leg_joints, foot_names, angles, home)
+    require_joints(leg_joints)
+    has_angles = angles.shape in ((JOINTS,), (LEGS, JOINTS))
+    require(has_angles, "machine.home", home, "must be three angles, hip, thigh, calf, or four lists of three")
+    require_feet(foot_names)
     all_angles = tuple(map(tuple, np.broadcast_to(angles, (LEGS, JOINTS)).tolist()))
     changed = path.stat().st_mtime_ns
     return _read(path, changed, leg_joints, foot_names, all_angles, tuple(weld), yaw, rotor_inertia)
@@ -310,7 +319,7 @@ def _read(
     legs = find_legs(model, free, joint, foot, feet)
     require_own_forces(path, model)
     data = set_posture(model, mujoco.MjData(model), joint, home)
-    require_frame(data.xanchor[joint[:, 1]], feet)
+    require_frame(data.xanchor[joint[:, 1]], feet, yaw)
     points = np.concatenate([data.xanchor[joint[0]], data.geom_xpos[foot[:1]]])
     _, length_1, length_2 = np.linalg.norm(np.diff(points, axis=0), axis=1)
     require_sizes(path, model, legs, length_1 + length_2)

@@ -11,10 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.errors import BadInput, require, suggest
+from cmacexp.errors import require, suggest
 from cmacexp.models.robot_legs import list_names
 
 WELD = "machine.weld"
+WORLD = "world"
+"""Name of MuJoCo's body that stays where it is."""
+POINTER = b"version https://git-lfs"
+"""First bytes of a file that Git LFS did not fetch."""
 
 
 def hold_joints(path: Path, mujoco: Any, spec: Any, names: Sequence[str]) -> None:
@@ -25,7 +29,7 @@ def hold_joints(path: Path, mujoco: Any, spec: Any, names: Sequence[str]) -> Non
     """
     if not names:
         return
-    joints = {joint.name: joint for joint in spec.joints}
+    joints = {joint.name: joint for joint in spec.joints if joint.name}
     for name in names:
         reason = f"is no joint of the model, which has {list_names(joints)}{suggest(name, joints)}"
         require(name in joints, WELD, name, reason)
@@ -99,29 +103,49 @@ def leave_out_missing(path: Path, spec: Any) -> list[str]:
     """
     folder = Path(spec.modelfiledir or path.parent)
     meshes = _find_missing(spec, folder / spec.meshdir, spec.meshes)
+    textures = _find_missing(spec, folder / spec.texturedir, spec.textures)
+    weighing = []
     for geom in [geom for geom in spec.geoms if geom.meshname in meshes]:
-        file = meshes[geom.meshname].file
         weighs = geom.mass > 0.0 or (np.isnan(geom.mass) and geom.density > 0.0 and not geom.parent.explicitinertial)
         if weighs and spec.compiler.inertiagrouprange[0] <= geom.group <= spec.compiler.inertiagrouprange[1]:
-            body = geom.parent.name or "a body without a name"
-            reason = f"there is no {file}, which gives {body} its mass: add the file, or an <inertial> to the body"
-            raise BadInput("machine.path", path, reason)
+            weighing.append((geom.parent, meshes[geom.meshname][1]))
         spec.delete(geom)
-    textures = _find_missing(spec, folder / spec.texturedir, spec.textures)
+    for body, file in weighing:
+        reason = f"gives {body.name or 'a body without a name'} its mass: add the file, or an <inertial> to the body"
+        require(not _needs_mass(body), "machine.path", path, f"there is no {file}, which {reason}")
     for material in spec.materials:
         material.textures = ["" if name in textures else name for name in material.textures]
     missing = [*meshes.values(), *textures.values()]
-    files = [element.file for element in missing]
-    for element in missing:
+    for element, _ in missing:
         spec.delete(element)
-    return [f"without the missing {list_names(files)}, which a run does not need"] if files else []
+    absent = list_names(file for _, file in missing)
+    return [f"without the missing {absent}, which a run does not need"] if absent else []
 
 
-def _find_missing(spec: Any, folder: Path, elements: Iterable[Any]) -> dict[str, Any]:
-    """Find the meshes or textures whose files do not exist in their ``folder``, by name."""
+def _needs_mass(body: Any) -> bool:
+    """Return True unless a body is the world, or fixed to it with bodies that all have no mass."""
+    while body.name != WORLD:
+        if body.joints or (body.parent.name == WORLD and _has_mass(body)):
+            return True
+        body = body.parent
+    return False
+
+
+def name_absent(file: Path, name: str) -> str:
+    """Return ``name`` for a message if there is no such file, or a pointer of Git LFS in its place; else ``""``."""
+    if not file.is_file():
+        return name
+    with file.open("rb") as opened:
+        is_pointer = opened.read(len(POINTER)) == POINTER
+    return f"{name} (a Git LFS pointer: run git lfs pull)" if is_pointer else ""
+
+
+def _find_missing(spec: Any, folder: Path, elements: Iterable[Any]) -> dict[str, tuple[Any, str]]:
+    """Find the meshes or textures whose files do not exist in their ``folder``, by name, each with what is absent."""
     missing = {}
     for element in elements:
         file = Path(element.file)
-        if element.file and not (folder / (file.name if spec.strippath else file)).exists():
-            missing[element.name or file.stem] = element
+        place = folder / (file.name if spec.strippath else file)
+        if element.file and (absent := name_absent(place, element.file)):
+            missing[element.name or file.stem] = element, absent
     return missing

@@ -51,9 +51,10 @@ def find_model(name: str | None, path: str | None) -> Path:
     Raises BadInput with a hint of what to install or to set.
     """
     if path is not None:
-        is_file = Path(path).is_file()
-        require(is_file, "machine.path", path, "there is no such file; give the path of an MJCF or URDF file")
-        return Path(path).resolve()
+        file = Path(os.path.expanduser(path))
+        fault = "is a folder" if file.is_dir() else "there is no such file"
+        require(file.is_file(), "machine.path", path, f"{fault}; give the path of an MJCF or URDF file")
+        return file.resolve()
     if name is None:
         raise BadInput("machine.path", None, "must name the MJCF or URDF file of the robot: machine.path=FILE")
     root = os.environ.get(CHECKOUT, "")
@@ -61,8 +62,8 @@ def find_model(name: str | None, path: str | None) -> Path:
     places = [folder / name / f"{name}.xml" for folder in _list_package_folders()]
     if name in checkout:
         places.append(checkout[name])
-    if file := next(filter(Path.is_file, places), None):
-        return file
+    if found := next(filter(Path.is_file, places), None):
+        return found
     models = {model for model, path in checkout.items() if path.is_file()} | package_models().keys()
     installed = ", ".join(sorted(models)) or f"none: {format_install_command(PACKAGE)} with Python below 3.13"
     also = f"let {CHECKOUT} name a checkout of mujoco_menagerie, or use machine=mjcf machine.path=FILE"

@@ -124,12 +124,14 @@ class Legs:
     """(4,) radii of the feet, m."""
 
 
-def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: Array, home: object) -> None:
-    """Require names of joints (4, 3) and feet (4,), and ``angles`` (3,) or (4, 3), rad, at home; raises BadInput."""
+def require_joints(joints: Sequence[Sequence[str]]) -> None:
+    """Require names of joints (4, 3); raises BadInput."""
     has_names = len(joints) == LEGS and all(len(leg) == JOINTS for leg in joints)
     require(has_names, "machine.joints", joints, "must be four lists of three names: hip, thigh, calf")
-    has_angles = angles.shape in ((JOINTS,), (LEGS, JOINTS))
-    require(has_angles, "machine.home", home, "must be three angles, hip, thigh, calf, or four lists of three")
+
+
+def require_feet(feet: Sequence[str]) -> None:
+    """Require four different names of feet; raises BadInput."""
     require(
         len(feet) == len(set(feet)) == LEGS,
         "machine.feet",
@@ -146,7 +148,8 @@ def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
     trunk = int(model.body_rootid[model.jnt_bodyid[joint[0, 0]]])
     free = int(model.body_jntadr[trunk])
     floats = free >= 0 and model.jnt_type[free] == mujoco.mjtJoint.mjJNT_FREE
-    require(floats, "machine.path", path, "has no free joint: its trunk must float, <freejoint/>")
+    reason = "has no trunk that floats: put trunk and legs in a <body> with <freejoint/>"
+    require(floats, "machine.path", path, reason)
     extra_joints = list_names(_name(model.joint(k)) for k in sorted(set(range(model.njnt)) - {free, *joint.ravel()}))
     reason = f"moves, too: a leg has three joints; hold the others by machine.weld=[{extra_joints}]"
     require(not extra_joints, "machine.joints", extra_joints, reason)
@@ -160,10 +163,7 @@ def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence
     geoms, which are spheres. Raises BadInput if one of ``feet`` does not hang on the trunk by the joints of its leg.
     """
     for leg, geom, name in zip(joint, foot, feet, strict=True):
-        chain = find_chain(model, int(model.geom_bodyid[geom]))
-        expected, actual = (list_names(_name(model.joint(int(k))) for k in joints) for joints in (leg, chain[1:]))
-        reason = f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}"
-        require(chain == [free, *leg], "machine.feet", name, reason)
+        require_hanging(model, leg.tolist(), int(model.geom_bodyid[geom]), name)
     return Legs(
         base=int(model.jnt_bodyid[free]),
         base_qpos=int(model.jnt_qposadr[free]),
@@ -176,15 +176,24 @@ def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence
     )
 
 
-def require_frame(hips: Array, feet: Sequence[str]) -> None:
+def require_hanging(model: Any, leg: Sequence[int], body: int, foot: str) -> None:
+    """Require that the ``body`` of a foot hangs on the trunk by the joints of its ``leg``; raises BadInput."""
+    chain = find_chain(model, body)[1:]
+    expected, actual = (list_names(_name(model.joint(k)) for k in joints) for joints in (leg, chain))
+    reason = f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}"
+    require(chain == leg, "machine.feet", foot, reason)
+
+
+def require_frame(hips: Array, feet: Sequence[str], yaw: float) -> None:
     """Require legs in order in the frame of the trunk, x forward, y left, z up; raise BadInput otherwise.
 
-    ``hips`` (4, 3) are the thigh joints in that frame, m; ``feet`` the names of the feet for the message.
+    ``hips`` (4, 3) are the thigh joints in that frame, m; ``feet``, names of the feet, and ``yaw``, rad, by which it
+    is turned, are for the message.
     """
     forward, left = hips[:2] - hips[2:], hips[::2] - hips[1::2]
     cosines = [v[axis] / np.linalg.norm(v) for axis, vectors in enumerate((forward, left)) for v in vectors]
     order = "front left, front right, rear left, rear right in the frame of the trunk, x forward, y left, z up"
-    allowed = f"must be {order}: change the order, or turn the frame"
+    allowed = f"must be {order}: change the order, or machine.yaw={yaw:.4g}, or turn the frame"
     require(min(cosines) >= LEAST_COSINE, "machine.feet", ", ".join(feet), allowed)
 
 

@@ -19,7 +19,19 @@ from cmacexp.jit.compiler import workload
 from cmacexp.models.chain import chain_angles, chain_points, find_lateral, make_chains
 from cmacexp.models.robot import load_model, load_mujoco, set_posture
 from cmacexp.models.robot_gains import HEIGHT_OF_LINKS
-from cmacexp.models.robot_legs import JOINTS, LEAST_COSINE, LEGS, find_chain, require_frame
+from cmacexp.models.robot_legs import (
+    JOINTS,
+    LEAST_COSINE,
+    LEGS,
+    find_chain,
+    find_foot,
+    find_free,
+    find_joint,
+    require_feet,
+    require_frame,
+    require_hanging,
+    require_joints,
+)
 from cmacexp.typing import Array
 
 USUAL_HOME = (0.0, 0.9, -1.8)
@@ -42,50 +54,87 @@ class Names(NamedTuple):
     home: list[Any]
 
 
-def find_names(path: Path, weld: Sequence[str] = (), yaw: float = 0.0) -> Names:
+def find_names(
+    path: Path,
+    weld: Sequence[str] = (),
+    yaw: float = 0.0,
+    joints: Sequence[Sequence[str | int]] = (),
+    feet: Sequence[str | int] = (),
+    home: Sequence[Any] = (),
+) -> Names:
     """Find joints, feet and home of a model, with the legs front left, front right, rear left, rear right.
 
-    ``weld`` are joints that are held; ``yaw`` is the angle from the x axis of the trunk to forward, rad. Raises
-    BadInput if the file is no model, has no four chains of three hinges, has further joints, or is turned.
+    ``weld`` are joints that are held; ``yaw`` is the angle from the x axis of the trunk to forward, rad. What is
+    given of ``joints``, ``feet`` and ``home`` is not searched. Raises BadInput if the file is no model, has no four
+    chains of three hinges, has further joints, or is turned.
     """
-    return _find_names(path, path.stat().st_mtime_ns, tuple(weld), yaw)
+    given = _to_names(joints), tuple(map(str, feet))
+    names = _find_names(path, path.stat().st_mtime_ns, tuple(weld), yaw, *given, not home)
+    return names._replace(home=list(home)) if home else names
 
 
-def find_yaw(path: Path, weld: Sequence[str] = ()) -> float:
+def find_yaw(path: Path, weld: Sequence[str] = (), joints: Sequence[Sequence[str | int]] = ()) -> float:
     """Find the angle from the x axis of the trunk to forward, rad; 0 if they are nearly the same.
 
-    Forward is normal to the axes of the thighs. The names of the hips say at which end the front is if only two of
-    them, at the same end, have the letter ``f``, as in FL and front_left; otherwise it is on the side of the x axis
-    or, at right angles to it, of the y axis. Raises BadInput as :func:`find_names`.
+    Forward is normal to the axes of the thighs. The order of ``joints`` says at which end the front is; if it is not
+    given, the names of the hips do, if only two of them have the letter ``f``, as in FL and front_left. Otherwise it
+    is on the side of the x axis or, at right angles to it, of the y axis. Where front legs stand beside each other
+    along these axes, as where hips pitch before they roll, forward is from the rear to the front legs. Raises
+    BadInput as :func:`find_names`.
     """
-    return _find_yaw(path, path.stat().st_mtime_ns, tuple(weld))
+    return _find_yaw(path, path.stat().st_mtime_ns, tuple(weld), _to_names(joints))
+
+
+def _to_names(joints: Sequence[Sequence[str | int]]) -> tuple[tuple[str, ...], ...]:
+    return tuple(tuple(map(str, leg)) for leg in joints)
 
 
 @lru_cache(maxsize=16)
-def _find_names(path: Path, changed: int, weld: tuple[str, ...], yaw: float) -> Names:
+def _find_names(
+    path: Path,
+    changed: int,
+    weld: tuple[str, ...],
+    yaw: float,
+    given_joints: tuple[tuple[str, ...], ...],
+    given_feet: tuple[str, ...],
+    needs_home: bool,
+) -> Names:
     """Find the names of a model; ``changed``, its time of modification in ns, is part of the key of the cache."""
-    model, data, chains = _find_legs(path, weld, yaw)
-    thighs = [chain[1] for chain in chains]
-    hips = data.xanchor[thighs]
-    # Thighs turn about the lateral axis; if that is not y, the frame of the trunk is turned, which is refused below.
-    longitudinal, lateral = {0: (hips[:, 1], -hips[:, 0]), 1: (hips[:, 0], hips[:, 1]), 2: (hips[:, 0], -hips[:, 2])}[
-        int(np.abs(data.xaxis[thighs]).sum(axis=0).argmax())
-    ]
-    front = np.argsort(-longitudinal, kind="stable")
-    legs = [chains[k] for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -lateral[k])]
-    feet, centres = zip(*(_find_foot(load_mujoco(), model, data, leg) for leg in legs), strict=True)
-    require_frame(data.xanchor[[leg[1] for leg in legs]], feet)
+    mujoco = load_mujoco()
+    model, data, chains = _find_legs(path, weld, yaw, given_joints)
+    legs = chains if given_joints else _sort_legs(model, data, chains)
+    if given_feet:
+        require_feet(given_feet)
+        ends = [_find_given_foot(mujoco, model, data, *each) for each in zip(legs, given_feet, strict=True)]
+    else:
+        ends = [_find_foot(mujoco, model, data, leg) for leg in legs]
+    feet, centres = zip(*ends, strict=True)
+    require_frame(data.xanchor[[leg[1] for leg in legs]], feet, yaw)
     joints = [[model.joint(k).name for k in leg] for leg in legs]
     has_names = all((*itertools.chain(*joints), *feet))
     require(has_names, "machine.path", path, "has joints or feet without a name: name them in the model")
     with workload(LEGS):
-        return Names(joints, list(feet), _find_homes(model, data, legs, centres))
+        return Names(joints, list(feet), _find_homes(model, data, legs, centres) if needs_home else [])
+
+
+def _sort_legs(model: Any, data: Any, legs: list[list[int]]) -> list[list[int]]:
+    """Sort legs by their places: front left, front right, rear left, rear right."""
+    thighs = [leg[1] for leg in legs]
+    hips = data.xanchor[thighs]
+    # Thighs turn about the lateral axis; if that is not y, the frame of the trunk is turned, which is refused later,
+    # unless names say that the front legs are those along x: there hips pitch before they roll.
+    axis = int(np.abs(data.xaxis[thighs]).sum(axis=0).argmax())
+    if axis == 0 and _find_front(model, legs) == {*np.argsort(-hips[:, 0])[: LEGS // 2].tolist()}:
+        axis = 1
+    longitudinal, lateral = ((hips[:, 1], -hips[:, 0]), (hips[:, 0], hips[:, 1]), (hips[:, 0], -hips[:, 2]))[axis]
+    front = np.argsort(-longitudinal, kind="stable")
+    return [legs[k] for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -lateral[k])]
 
 
 @lru_cache(maxsize=16)
-def _find_yaw(path: Path, changed: int, weld: tuple[str, ...]) -> float:
+def _find_yaw(path: Path, changed: int, weld: tuple[str, ...], joints: tuple[tuple[str, ...], ...]) -> float:
     """Find the yaw of a model; ``changed`` is as for :func:`_find_names`."""
-    model, data, chains = _find_legs(path, weld)
+    model, data, chains = _find_legs(path, weld, 0.0, joints)
     thighs = [chain[1] for chain in chains]
     axes = data.xaxis[thighs]
     lateral = (axes * np.sign(axes @ axes[0])[:, None]).mean(axis=0)
@@ -93,28 +142,42 @@ def _find_yaw(path: Path, changed: int, weld: tuple[str, ...]) -> float:
     if length < LEAST_COSINE:  # the trunk lies on its side, which require_frame refuses
         return 0.0
     forward = np.array([lateral[1], -lateral[0]]) / length
-    ahead = data.xanchor[thighs, :2] @ forward
-    front = {*np.argsort(-ahead)[: LEGS // 2].tolist()}
-    named = _find_front([model.joint(chain[0]).name for chain in chains])
+    hips = data.xanchor[thighs, :2]
+    front = {*np.argsort(-(hips @ forward))[: LEGS // 2].tolist()}
+    named = {0, 1} if joints else _find_front(model, chains)
+    is_named = np.isin(range(LEGS), [*named])
+    toward = hips[is_named].sum(axis=0) - hips[~is_named].sum(axis=0)
     if named in (front, {*range(LEGS)} - front):
         sign = 1.0 if named == front else -1.0
+    elif len(named) == LEGS // 2 and (hips @ toward)[is_named].min() > (hips @ toward)[~is_named].max():
+        sign, forward = 1.0, toward / np.linalg.norm(toward)
     else:
         sign = float(np.sign(forward[0] if abs(forward[0]) > 1.0 - LEAST_COSINE else forward[1]))
     x, y = sign * forward
     return 0.0 if x >= LEAST_COSINE else math.atan2(y, x)
 
 
-def _find_legs(path: Path, weld: Sequence[str], yaw: float = 0.0) -> tuple[Any, Any, list[list[int]]]:
-    """Load a model and find its legs; return it, its data at zero joint angles, and the joints of each leg."""
+def _find_legs(
+    path: Path, weld: Sequence[str], yaw: float, joints: tuple[tuple[str, ...], ...]
+) -> tuple[Any, Any, list[list[int]]]:
+    """Load a model and find its legs; return it, its data at zero joint angles, and the joints of each leg.
+
+    If the names of their ``joints`` are given, those are taken. Raises BadInput as :func:`find_names`.
+    """
     mujoco = load_mujoco()
     model = load_model(path, weld, yaw).model
-    chains = _find_chains(mujoco, path, model, weld)
+    if joints:
+        require_joints(joints)
+        chains = [[find_joint(mujoco, model, name) for name in leg] for leg in joints]
+    else:
+        chains = _find_chains(mujoco, path, model, weld)
+    find_free(mujoco, model, path, np.array(chains))
     return model, set_posture(model, mujoco.MjData(model), np.array(chains), np.zeros(JOINTS)), chains
 
 
-def _find_front(names: Sequence[str]) -> set[int]:
+def _find_front(model: Any, legs: list[list[int]]) -> set[int]:
     """Find the legs whose name of the hip joint says that they are in front; all or none say nothing."""
-    sides = [re.sub("left|right", "", name.lower()) for name in names]
+    sides = [re.sub("left|right", "", model.joint(leg[0]).name.lower()) for leg in legs]
     shared = set.intersection(*map(set, sides))
     return {k for k, side in enumerate(sides) if "f" in {*side} - shared}
 
@@ -139,6 +202,7 @@ def _find_chains(mujoco: Any, path: Path, model: Any, weld: Sequence[str]) -> li
         found = "; ".join(" > ".join(_describe(mujoco, model, k) for k in chain) for chain in chains[: 2 * LEGS])
         allowed = "must have four legs, chains of three hinges each from the trunk outwards"
         raise BadInput("machine.path", path, f"{allowed}; its chains of joints are {found or 'none'}")
+    _require_three_joints(mujoco, path, model, legs)
     legs = [chain[:JOINTS] for chain in legs]
     moving = sorted({k for k, kind in enumerate(kinds) if kind != free} - {*itertools.chain(*legs)})
     names = [model.joint(k).name for k in moving]
@@ -148,6 +212,21 @@ def _find_chains(mujoco: Any, path: Path, model: Any, weld: Sequence[str]) -> li
         cure = f"{listed}: name them to hold them by machine.weld, or use <freejoint/> for a trunk that moves"
     require(not moving, "machine.path", path, f"has joints besides the three of each leg: {cure}")
     return legs
+
+
+def _require_three_joints(mujoco: Any, path: Path, model: Any, legs: list[list[int]]) -> None:
+    """Require that joints beyond the third of a leg are clearly none of its own, but wheels or springs.
+
+    A leg may have an ankle, or a joint for the backlash of each of its joints. Raises BadInput with all joints.
+    """
+    turns = ~model.jnt_limited.astype(bool) | (np.ptp(model.jnt_range, axis=1) >= math.tau)
+    is_own = ~turns & (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
+    found = "; ".join(" > ".join(_describe(mujoco, model, k) for k in leg) for leg in legs)
+    advice = "hold those besides hip, thigh and calf of each leg by machine.weld"
+    if len({*map(len, legs)}) > 1:
+        advice = "it is no quadruped, whose legs have equally many"
+    allowed = f"must have three joints in each leg; its chains of joints are {found}: {advice}"
+    require(not any(is_own[k] for leg in legs for k in leg[JOINTS:]), "machine.path", path, allowed)
 
 
 def _describe(mujoco: Any, model: Any, joint: int) -> str:
@@ -175,6 +254,14 @@ def _find_foot(mujoco: Any, model: Any, data: Any, leg: list[int]) -> tuple[str,
     allowed = "must have a geometry, a site or a fixed body at its end, which is the foot"
     require(away.max() > 0.0, "machine.feet", model.body(calf).name, allowed)
     return model.body(body).name, points[np.argmax(away)].copy()
+
+
+def _find_given_foot(mujoco: Any, model: Any, data: Any, leg: list[int], name: str) -> tuple[str, Array]:
+    """Find the centre (3,), m, of the foot with this name, which must hang on the leg; return it after the name."""
+    sphere = find_foot(mujoco, model, data, name)
+    body, centre = sphere[:2] if sphere else (int(model.geom(name).bodyid[0]), data.geom(name).xpos.copy())
+    require_hanging(model, leg, body, name)
+    return name, centre
 
 
 class _Leg(NamedTuple):

@@ -14,7 +14,7 @@ import numpy as np
 
 from cmacexp.errors import BadInput, require
 from cmacexp.models.leg import GRAVITY
-from cmacexp.models.robot_edit import float_trunk, leave_out_missing
+from cmacexp.models.robot_edit import float_trunk, leave_out_missing, name_absent
 from cmacexp.models.robot_legs import list_names
 
 KEPT_OPTIONS = ("cone", "impratio")
@@ -26,12 +26,19 @@ POINT_INERTIA = 1e-6
 NO_MASS = 1e-9
 """Mass below which a URDF link counts as massless, kg."""
 NO_INERTIA = 1e-12
-"""Least principal moment of inertia that is kept, kg m^2; MuJoCo needs one above 1e-15."""
+"""Least principal moment of inertia that is kept, kg m^2."""
+LEAST_INERTIA = 2e-14
+"""Least moment of inertia of a URDF link without size, kg m^2; MuJoCo needs one above 1e-14."""
+
+
+def _read_text(path: Path) -> str:
+    """Read the text of a model file without its comments."""
+    return re.sub(r"<!--.*?-->", "", path.read_text(errors="replace"), flags=re.DOTALL)
 
 
 def is_urdf(path: Path) -> bool:
     """Return True if a model file is a URDF."""
-    return bool(re.search(r"<robot[\s>]", path.read_text(errors="replace")))
+    return bool(re.search(r"<robot[\s>]", _read_text(path)))
 
 
 def read_spec(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
@@ -93,9 +100,9 @@ def _clean_link(link: ElementTree.Element, folders: list[Path], names: set[str])
         link.remove(visual)
     missing = []
     for shape in link.findall("collision"):
-        if (mesh := shape.find("geometry/mesh")) is not None and not _find_mesh(mesh, folders):
+        if (mesh := shape.find("geometry/mesh")) is not None and (absent := _find_mesh(mesh, folders)):
             link.remove(shape)
-            missing.append(Path(mesh.get("filename", "")).name)
+            missing.append(absent)
         if (name := shape.get("name")) in names:
             del shape.attrib["name"]
         elif name is not None:
@@ -105,18 +112,19 @@ def _clean_link(link: ElementTree.Element, folders: list[Path], names: set[str])
     return missing
 
 
-def _find_mesh(mesh: ElementTree.Element, folders: list[Path]) -> bool:
-    """Set the file of a mesh to its path on this machine; return False if it is not found.
+def _find_mesh(mesh: ElementTree.Element, folders: list[Path]) -> str:
+    """Set the file of a mesh to its path on this machine; return its name for a message if it is not found.
 
     ``package://NAME/`` is searched in ``folders``, those of the model.
     """
+    absent = Path(mesh.get("filename", "")).name
     name = re.sub(r"^(package|model|file)://", "", mesh.get("filename", ""))
     names = [name, name.partition("/")[2]]
     for file in (folder / candidate for folder in folders for candidate in filter(None, names)):
-        if file.suffix.lower() in MESHES and file.is_file():
+        if file.suffix.lower() in MESHES and file.is_file() and not (absent := name_absent(file, file.name)):
             mesh.set("filename", str(file.resolve()))
-            return True
-    return False
+            return ""
+    return absent
 
 
 def _make_possible(link: ElementTree.Element, inertial: ElementTree.Element) -> None:
@@ -132,7 +140,7 @@ def _make_possible(link: ElementTree.Element, inertial: ElementTree.Element) -> 
     if mass < NO_MASS:
         link.remove(inertial)
     elif inertia is not None and np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] < NO_INERTIA:
-        least = POINT_INERTIA * mass
+        least = max(POINT_INERTIA * mass, LEAST_INERTIA)
         inertia.attrib.update(dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
         inertia.attrib.update(ixx=str(max(xx, least)), iyy=str(max(yy, least)), izz=str(max(zz, least)))
 
@@ -144,7 +152,7 @@ def _check_text(path: Path, folder: Path, checked: set[Path]) -> None:
     device for ever. ``path`` is one of the model's files, ``folder`` that of the model; ``checked`` are the files
     checked so far, to which this adds.
     """
-    text = unescape(path.read_text(errors="replace"))
+    text = unescape(_read_text(path))
     is_template = re.search(r"<xacro:|\$\{|\$\(", text)
     reason = f"is a template: expand it by 'xacro {path.name} > robot.urdf', of ROS or of the package xacro"
     require(not is_template, "machine.path", path, reason)

@@ -67,8 +67,11 @@ def _log_body(entities: Entities, view: RunView) -> None:
 
 
 def _turn_from_up(along: Array) -> Array:
-    """Compute the shortest rotations from +z to directions (n, 3), as quaternions (n, 4), x y z w; NaN for -z."""
-    x, y, z = (along / np.linalg.norm(along, axis=1, keepdims=True)).T
+    """Compute the shortest rotations from +z to directions (n, 3), as quaternions (n, 4), x y z w; NaN for -z.
+
+    A direction of length zero is not rotated.
+    """
+    x, y, z = (along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)).T
     turn = np.stack([-y, x, np.zeros_like(z), 1.0 + z], axis=1)
     return turn / np.linalg.norm(turn, axis=1, keepdims=True)
 

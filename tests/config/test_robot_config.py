@@ -4,7 +4,7 @@ import re
 
 import pytest
 from omegaconf import OmegaConf
-from support.doors import BadInput, LoopDelay, derive_basis, derive_gains, discretise, recommend_period
+from support.doors import BadInput, CmacexpError, LoopDelay, derive_basis, derive_gains, discretise, recommend_period
 from support.robots import FEET, MODELS, OWN, change, read
 
 from cmacexp.config import config_folder, to_config, to_plain
@@ -84,6 +84,30 @@ def test_mistakes_are_said_where_a_config_is_shown_or_read(tmp_path):
     plain["machine"]["path"] = str(change(tmp_path, "<mujoco", "<html"))
     with pytest.raises(BadInput, match=r"^machine\.path="):
         to_config(OmegaConf.create(plain))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            ["machine=a/b.urdf"],
+            r"machine=a/b\.urdf: is no option; for a file use machine=mjcf machine\.path=a/b\.urdf",
+        ),
+        (["gait.width=-0.1"], r"gait\.width=-0\.1: must be above 0"),
+        (["machine.width=-0.1"], r"machine\.width=-0\.1: is that of gait\.width"),
+    ],
+)
+def test_mistakes_are_said_where_they_were_made(overrides, message):
+    with pytest.raises(CmacexpError, match=f"^{message}"):
+        compose_config([*ROBOT, *overrides])
+
+
+def test_heavy_feet_are_warned_of_a_long_period(tmp_path):
+    heavy = change(tmp_path, 'mass="0.05"', 'mass="0.9"')
+    config = compose_config([*ROBOT, f"machine.path={heavy}"])
+    assert config.sampling_period == 0.002
+    assert "with a sampling_period above 0.001 it may fall" in describe_other_model(config.machine)
+    assert not describe_other_model(compose_config(ROBOT).machine)
 
 
 OPTIONS = {path.stem for path in (config_folder() / "machine").glob("*.yaml")}

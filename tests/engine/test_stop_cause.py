@@ -24,7 +24,7 @@ def ended(fallen):
     """``ended(legs, limited)``: what is said with joint 2 of ``legs`` at its limit in the last ``limited`` steps."""
     scenario, table = make_scenario(compose_config(WALK)), pq.read_table(fallen.folder / "trace.parquet")
 
-    def explain(legs=(), limited=4, force=100.0, status="fell", drift=None, steps=900):
+    def explain(legs=(), limited=4, force=100.0, status="fell", drift=None, steps=900, kind="quadruped"):
         rows = table.slice(table.num_rows - 4 * 40).to_pandas().assign(force=force)
         at_limit = (rows["step"] > rows["step"].max() - limited) & rows["leg"].isin(legs)
         rows["tau_feedback_2"], rows["tau_feedforward_2"] = (
@@ -33,6 +33,7 @@ def ended(fallen):
         )
         changed = Trace(pa.Table.from_pandas(rows, schema=table.schema, preserve_index=False))
         scenario.end = RunEnd(status, steps=steps)
+        scenario.setup.config.machine.kind = kind
         return explain_stop(scenario, [changed.select(slice(38)), changed.select(slice(38, None))], drift)
 
     return explain
@@ -47,6 +48,7 @@ def test_a_torque_at_its_limit_is_reported_if_it_was_so_throughout(ended):
 def test_whether_learning_can_be_the_cause_is_said_and_nothing_of_a_run_that_completed(ended, fallen):
     assert "feedforward=none" in ended()
     assert "not begun to learn" in ended(steps=200)
+    assert ended(steps=200, kind="robot") == f"{ended(steps=200)}; try sampling_period=0.001"
     assert "since cycle 12" in ended(drift=SimpleNamespace(cycle=12))
     assert ended(legs=[3], status="completed") == ended(legs=[3], status="failed") == ended(steps=0) == ""
     assert "not begun to learn" in fallen.manifest["cause"]

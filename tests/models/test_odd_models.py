@@ -4,7 +4,7 @@ import re
 
 import pytest
 from support.doors import BadInput, compose_config, make_scenario, roll_out
-from support.robots import EXACT, FREE, OWN, RIGID, ROBOT, TWO, read, turn_frame
+from support.robots import EXACT, FEET, FREE, OWN, RIGID, ROBOT, TWO, read, turn_frame
 
 from cmacexp.models.robot_search import find_names
 
@@ -24,6 +24,7 @@ BLOCK = '<mesh name="block" vertex="0 0 0 .01 0 0 0 .01 0 0 0 .02"/>'
 ABSENT = """<mesh name="look" file="absent.stl"/><texture name="wood" type="2d" file="absent.png"/>
   <material name="paint" texture="wood"/>"""
 WHEEL = '<body name="FL_w"><joint name="FL_wheel" axis="0 1 0"/><geom type="sphere" size="0.01" mass="0.01"/></body>'
+ANKLE = WHEEL.replace("FL_wheel", "{0}_ankle").replace("FL", "{0}").replace("axis", 'range="-1 1" axis')
 CUBE = '<body name="cube"><freejoint/><geom type="box" size="1 1 1" mass="1"/></body>'
 
 
@@ -57,6 +58,8 @@ def mirrored():
     return re.sub(r'"R[LR]_thigh_joint" class="thigh"', r'\g<0> range="-3 1"', knees)
 
 
+TRUNK = re.search(r'<body name="trunk".*?mass="0.7"/>', TEXT, re.DOTALL)[0]
+LEGS_ON_THE_WORLD = [(TRUNK, ""), ("</body>\n  </worldbody>", "</worldbody>")]
 EVERY_HOME = "machine.home=[[0,0.9,-1.8],[0,0.9,-1.8],[0,-0.9,1.8],[0,-0.9,1.8]]"
 OTHERS = r"machine\.path=.*: has {}"
 TURNED = r"machine\.feet=.* in the frame of the trunk.* turn the frame"
@@ -191,12 +194,23 @@ ODD = {
     # what is held, floats or is missing
     "no trunk that floats": ([(FREE, "")], (), WALKS),
     "a wheel": ([(FL_FOOT, WHEEL + FL_FOOT)], (), r"machine\.path=.*hold them by machine\.weld=\[FL_wheel\]"),
+    "an ankle": ([(FL_FOOT, ANKLE.format("FL") + FL_FOOT)], (), r"FL_calf_joint > FL_ankle; .*: it is no quadruped"),
+    "ankles": (
+        [(f'<geom name="{leg}"', f'{ANKLE.format(leg)}<geom name="{leg}"') for leg in FEET],
+        (),
+        r"RR_calf_joint > RR_ankle: hold those besides hip, thigh and calf of each leg by machine\.weld",
+    ),
+    "legs on the world": (LEGS_ON_THE_WORLD, (), r"machine\.path=.*put trunk and legs in a <body> with <freejoint/>"),
     "a wheel that is held": (
         [(FL_FOOT, WHEEL + FL_FOOT), (END, f'<sensor><jointpos joint="FL_wheel"/></sensor>{END}')],
         ("machine.weld=[FL_wheel]",),
         WALKS,
     ),
-    "a held joint that is none": ("", ("machine.weld=[FL_whel]",), r"machine\.weld=FL_whel: is no joint"),
+    "a held joint that is none": (
+        [(FL_FOOT, f"<body><joint/><geom size='1' mass='1'/></body>{FL_FOOT}")],
+        ("machine.weld=[FL_whel]",),
+        r"machine\.weld=FL_whel: is no joint of the model, which has FL_hip_joint, FL_thigh_joint, FL_calf_joint, FR",
+    ),
     "a mesh and a texture that are missing": (
         [
             ("<worldbody>", f"<asset>{ABSENT}</asset><worldbody>"),
@@ -213,7 +227,7 @@ ODD = {
         (),
         r"machine\.path=.*there is no absent\.stl, which gives trunk its mass",
     ),
-    "a template": ([("<worldbody>", "<worldbody><!-- ${size} -->")], (), r"machine\.path=.*is a template: expand it"),
+    "a template": ([("<worldbody>", '<worldbody><site name="${size}"/>')], (), r"machine\.path=.*: is a template"),
     "feet of another width": ("", ("gait.width=0.2",), WALKS),
     "feet too far apart": ("", ("gait.width=2",), r"gait\.width=2\.0: is beyond what FL_\w+_joint reaches"),
     "rotors that the model lacks": ([('armature="0.01"', "")], (), WALKS),
@@ -357,3 +371,28 @@ def test_links_without_inertia_are_named(tmp_path):
     (note,) = (note for note in read(path, *find_names(path)).notes if "inertia" in note)
     assert note.startswith("links without mass or inertia")
     assert "_shank" in note
+
+
+def test_a_link_of_hardly_any_mass_is_read_and_one_that_moves_without_mass_is_named(tmp_path):
+    path = write_urdf(tmp_path)
+    text = path.read_text()
+    inertial = f'<inertial><mass value="1e-9"/><inertia {ZERO}/></inertial>'
+    path.write_text(re.sub('link name="[LR][FH]_FOOT">', rf"\g<0>{inertial}", text))
+    assert read(path, *find_names(path)).mass == pytest.approx(12.4)
+    path.write_text(re.sub(r'("LF_thigh">)<inertial>.*?</inertial>', r"\1", text, flags=re.DOTALL))
+    with pytest.raises(BadInput, match=r"LF_thigh moves but has no mass or inertia: give it, .* an <inertial>"):
+        find_names(path)
+
+
+LOOK = ("<worldbody>", f"<asset>{ABSENT}</asset><worldbody>")
+FIXED = '<body name="wall"><geom type="mesh" mesh="look"/></body>'
+
+
+def test_meshes_of_what_is_fixed_to_the_world_are_left_out_and_pointers_count_as_missing(tmp_path):
+    path = make(tmp_path, [(LOOK[0], f'{LOOK[1]}<geom type="mesh" mesh="look"/>{FIXED}')])
+    (tmp_path / "absent.stl").write_text("version https://git-lfs.github.com/spec/v1")
+    note = "without the missing absent.stl (a Git LFS pointer: run git lfs pull), absent.png, which a run"
+    assert read(path).notes[0].startswith(note)
+    path = make(tmp_path, [LOOK, (FREE, '<geom type="mesh" mesh="look" density="9"/>')])
+    with pytest.raises(BadInput, match=r"there is no absent\.stl \(a Git LFS .*\), which gives trunk its mass"):
+        read(path)

@@ -1,5 +1,7 @@
 """The delay that the feedback of a robot's legs bears."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.doors import BadInput
@@ -10,6 +12,7 @@ from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.robot_gains import (
     MOST_FEEDBACK,
     MOST_SHARE,
+    PERIOD_WITHOUT_ROTORS,
     PERIODS,
     RECOMMENDED,
     Basis,
@@ -21,6 +24,7 @@ from cmacexp.models.robot_gains import (
     find_critical_damping,
     find_delay_margin,
     find_standing_margin,
+    limit_period,
     make_sampling,
     recommend_period,
     require_period,
@@ -53,6 +57,14 @@ def test_a_period_suits_feet_from_a_measured_share_of_the_mass_on(period, least)
         require_period(10.0, 0.00404)  # beyond the longest
     if period <= RECOMMENDED[-1][0]:
         assert recommend_period(0.99 * least) < period <= recommend_period(1.01 * least)
+
+
+@pytest.mark.ci
+def test_short_legs_and_joints_without_rotors_limit_the_period():
+    robot = read()
+    assert limit_period(robot) == np.inf
+    assert limit_period(replace(robot, links=(0.12, 0.12))) == 0.001
+    assert limit_period(replace(robot, armature=np.zeros(3))) == PERIOD_WITHOUT_ROTORS
 
 
 @pytest.mark.parametrize("loop_delay", [LoopDelay(), LoopDelay(1), LoopDelay(0, (0.004,)), LoopDelay(3, (0.002,))])

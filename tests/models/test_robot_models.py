@@ -10,7 +10,7 @@ from support.robots import FEET, HOME, JOINTS, OWN, change, read
 
 from cmacexp.models import robot_file as find
 from cmacexp.models.robot import read_robot
-from cmacexp.models.robot_spec import POINT_INERTIA, _find_mesh, _make_possible
+from cmacexp.models.robot_spec import LEAST_INERTIA, POINT_INERTIA, _find_mesh, _make_possible
 
 INSIDE = "<worldbody>"
 FOOT = '<geom name="FL"'
@@ -48,6 +48,12 @@ def test_a_model_that_is_no_quadruped_is_refused(folder, what):
     assert len(str(raised.value).splitlines()) == 1
 
 
+@pytest.mark.ci
+def test_what_stands_in_comments_makes_no_template(tmp_path):
+    path = change(tmp_path, INSIDE, f'<!-- <xacro:leg/> ${{size}} <robot > a="nan" -->{INSIDE}')
+    assert read(path).fingerprint == read().fingerprint
+
+
 def swap(names, i, j):
     names = list(names)
     names[i], names[j] = names[j], names[i]
@@ -73,10 +79,13 @@ def test_names_that_do_not_fit_the_model_are_refused(joints, feet, key):
         read_robot(OWN, joints, feet, HOME)
 
 
-def test_a_path_counts_before_the_name():
+def test_a_path_counts_before_the_name(monkeypatch):
     assert find.find_model("go1", str(OWN)) == OWN.resolve()
-    with pytest.raises(BadInput, match=r"^machine\.path=nowhere\.xml"):
-        find.find_model("go1", "nowhere.xml")
+    monkeypatch.setenv("HOME", str(OWN.parent))
+    assert find.find_model(None, f"~/{OWN.name}") == OWN.resolve()
+    for path, fault in {"nowhere.xml": "there is no such file", "~": "is a folder"}.items():
+        with pytest.raises(BadInput, match=rf"^machine\.path={path}: {fault}"):
+            find.find_model("go1", path)
 
 
 def test_a_package_is_found_and_not_imported(tmp_path, monkeypatch):
@@ -97,14 +106,18 @@ def test_files_of_a_model_are_found_in_its_packages(tmp_path):
     mesh = tmp_path / "meshes" / "calf.stl"
     mesh.parent.mkdir()
     mesh.touch()
-    for name, found in {"package://robot/meshes/calf.stl": True, "meshes/calf.stl": True, "calf.stl": False}.items():
+    (tmp_path / "thigh.stl").write_text("version https://git-lfs.github.com/spec/v1")
+    names = {"package://robot/meshes/calf.stl": "", "meshes/calf.stl": "", "calf.stl": "calf.stl"}
+    names["thigh.stl"] = "thigh.stl (a Git LFS pointer: run git lfs pull)"
+    for name, absent in names.items():
         element = ElementTree.Element("mesh", filename=name)
-        assert _find_mesh(element, [tmp_path]) is found
-        assert element.get("filename") == (str(mesh) if found else name)
+        assert _find_mesh(element, [tmp_path]) == absent
+        assert element.get("filename") == (name if absent else str(mesh))
 
 
 @pytest.mark.parametrize(
-    ("mass", "ixx", "expected"), [("2", "1", "1"), ("2", "-1", str(2 * POINT_INERTIA)), ("0", "0", None)]
+    ("mass", "ixx", "expected"),
+    [("2", "1", "1"), ("2", "-1", str(2 * POINT_INERTIA)), ("1e-9", "0", str(LEAST_INERTIA)), ("0", "0", None)],
 )
 def test_an_inertia_that_no_body_has_becomes_that_of_a_point(mass, ixx, expected):
     inertia = f'<inertia ixx="{ixx}" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'

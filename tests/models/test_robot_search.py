@@ -73,6 +73,36 @@ def test_three_legs_are_refused_with_the_joints_that_they_end_at(tmp_path):
         find_names(change(tmp_path, slide, f'{slide} type="slide"'))
 
 
+def test_what_is_given_is_not_searched(tmp_path):
+    path = change(tmp_path, 'range="-1.5 3.5"', 'range="3.1 3.5"')  # legs that point upwards
+    with pytest.raises(BadInput, match=r"machine\.joints=FL_calf_joint: .*give machine\.home"):
+        find_names(path)
+    assert find_names(path, home=[0, 3.2, -1]).home == [0, 3.2, -1]
+    bodies = [f"{leg}_calf" for leg in FEET]
+    assert find_names(OWN, joints=JOINTS, feet=bodies) == ([list(leg) for leg in JOINTS], bodies, list(USUAL_HOME))
+    with pytest.raises(BadInput, match=r"machine\.feet=FR: must hang on FL_hip_joint"):
+        find_names(OWN, feet=("FR", "FL", "RL", "RR"))
+    with pytest.raises(BadInput, match=r"machine\.joints=.*four lists of three names"):
+        find_names(OWN, joints=JOINTS[:2])
+
+
+def test_the_order_of_given_joints_says_where_the_front_is():
+    assert abs(find_yaw(OWN, joints=JOINTS[::-1])) == pytest.approx(np.pi)
+    assert find_yaw(OWN, joints=JOINTS[:1] + JOINTS[:0:-1]) == 0.0  # diagonal legs: refused later, in this frame
+    with pytest.raises(BadInput, match=r"change the order, or machine\.yaw=1\.571"):
+        find_names(OWN, joints=JOINTS, yaw=1.5708)
+
+
+def test_names_say_where_the_front_is_if_hips_pitch_before_they_roll(tmp_path):
+    text = change(tmp_path, 'class="hip"><joint axis="1 0 0"', 'class="hip"><joint axis="0 1 0"').read_text()
+    path = tmp_path / "pitch.xml"
+    path.write_text(text.replace('class="thigh"><joint axis="0 1 0"', 'class="thigh"><joint axis="1 0 0"'))
+    assert find_yaw(path) == 0.0
+    assert find_names(path, home=[0.9, 0, -1.8]).joints == [list(leg) for leg in JOINTS]
+    path.write_text(re.sub("[FR][LR]_", lambda found: str(FEET.index(found[0][:2])), path.read_text()))
+    assert abs(find_yaw(path)) == pytest.approx(np.pi / 2)
+
+
 def test_the_lowest_sphere_of_a_body_is_its_foot(tmp_path):
     foot = '<geom name="FL" class="foot" pos="0.005 0 -0.21" mass="0.05"/>'
     more = '<geom class="foot" pos="0.005 0 -0.11" mass="0"/>'

@@ -9,10 +9,16 @@ from support.views import make_walk
 
 from cmacexp.recording import viewer
 from cmacexp.recording.entities import FINENESS
+from cmacexp.recording.scene import _turn_from_up
 from cmacexp.recording.series import find_events
 
 DRAWN = 0.51 * FINENESS
 """Rounding of what is drawn, m, and a little for single precision."""
+
+
+def test_a_link_without_length_is_not_turned():
+    turns = _turn_from_up(np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]))
+    assert turns.round(3).tolist() == [[0.0, 0.0, 0.0, 1.0], [0.0, 0.707, 0.0, 0.707]]
 
 
 def test_moments_are_the_planned_ones_until_the_contact_follows():
