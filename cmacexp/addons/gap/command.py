@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from shlex import quote
 
+import numpy as np
+
 from cmacexp.addons.gap.faults import KINDS, Unfit
 from cmacexp.addons.gap.log import Log
 from cmacexp.addons.gap.machine import Machine, read_machine
@@ -28,6 +30,7 @@ LOG_OPTIONS: OptionTable = {
     "--units": {**SEVERAL, "metavar": "WHAT=UNIT", "help": "units of columns, such as angle=deg,time=ms"},
     "--joints": {**SEVERAL, "metavar": "LOG=MODEL", "help": "joint of the model for a joint of the log"},
     "--leave-out": {"metavar": "JOINTS", "help": "joints of the log to ignore, separated by commas"},
+    "--lean": {"metavar": "ROLL,PITCH", "help": "lean of a base that is not level, about x, then y, degrees"},
     "--rate": {"type": float, "metavar": "HZ", "help": "rows a second of a log without times"},
     "--accept": {"metavar": "KINDS", "help": "kinds of faults that become notes, separated by commas"},
     "--kp": {"help": "stiffness gains of the drives, N m/rad: one number, or one per joint, separated by commas"},
@@ -73,6 +76,9 @@ def read_given(arguments: Arguments, files: Sequence[Path]) -> tuple[Log, Machin
         arguments.rate,
         others,
     )
+    if lean := _read_gain(arguments.lean, "--lean"):
+        require(len(lean) == 2, "--lean", arguments.lean, "must be two angles: ROLL,PITCH")
+        log = log.lean(*np.radians(lean))
     still = [joint for joint, values in zip(log.joints, log.angle.T, strict=True) if (values == values[0]).all()]
     pairs = _read_pairs(arguments.joints, "--joints")
     machine = read_machine(arguments.robot, log.joints, pairs, left_out, still)

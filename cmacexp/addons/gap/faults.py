@@ -60,7 +60,7 @@ MOST_TURNED = 4.0 * np.pi
 
 KINDS = (
     "copied", "scale", "zero", "order", "range", "clipped", "jump", "rest", "frozen", "lost", "rate", "unsigned",
-    "torque", "delay", "sign", "model", "damping", "gravity",
+    "torque", "delay", "sign", "model", "lean", "damping", "gravity",
 )  # fmt: skip
 """Kinds of faults that ``--accept`` makes notes."""
 CAUSES = {

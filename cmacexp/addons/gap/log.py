@@ -76,6 +76,14 @@ class Log:
         """Return the name of the column of a ``quantity`` of the joint with this number."""
         return self.names.get(quantity, quantity).replace(JOINT, self.joints[joint])
 
+    def lean(self, roll: float, pitch: float) -> "Log":
+        """Return the log of a base that leans by two angles, rad: about x, then about the y axis of the world."""
+        about_x, about_y = (np.array([np.cos(0.5 * angle), np.sin(0.5 * angle)]) for angle in (roll, pitch))
+        turn = np.array(
+            [about_x[0] * about_y[0], about_x[1] * about_y[0], about_x[0] * about_y[1], -about_x[1] * about_y[1]]
+        )
+        return replace(self, orientation=np.tile(turn, (len(self.time), 1)))
+
     def find_row(self, row: int) -> int:
         """Return the row of the file of a row of this log."""
         return int(self.rows[row]) if self.rows.size else row

@@ -95,9 +95,13 @@ class Machine:
         return torque
 
     def _visit(self, angle: Array, velocity: Array, base: Array | None) -> Iterator[Any]:
-        """Yield MuJoCo's data with the angles and velocities of each row in turn, the base at rest at the origin."""
+        """Yield MuJoCo's data with the angles and velocities of each row in turn, the base at rest at the origin.
+
+        A base that does not float is turned by the opposite turn of gravity.
+        """
         mujoco = load_mujoco()
         model = self.model
+        gravity = model.opt.gravity.copy()
         data = mujoco.MjData(model)
         if model.nkey:
             data.qpos[:] = model.key_qpos[0]
@@ -105,9 +109,12 @@ class Machine:
         data.qpos[turns] = UPRIGHT
         for k in range(len(angle)):
             data.qpos[self.qpos], data.qvel[self.dof] = angle[k], velocity[k]
-            if base is not None:
+            if base is not None and turns.size:
                 data.qpos[turns[:, 3:]] = base[k]
+            elif base is not None:
+                mujoco.mju_rotVecQuat(model.opt.gravity, gravity, base[k] * [1.0, -1.0, -1.0, -1.0])
             yield data
+        model.opt.gravity[:] = gravity
 
     def find_link(self, joint: int) -> tuple[str, Counts]:
         """Return the name of the link that a joint moves, and the indices in the model of all bodies welded to it."""
@@ -123,6 +130,12 @@ class Machine:
             model.body_mass[bodies] *= factor
             model.body_inertia[bodies] *= factor
         load_mujoco().mj_setConst(model, load_mujoco().MjData(model))
+        return replace(self, model=model)
+
+    def set_gravity(self, gravity: Array) -> "Machine":
+        """Return the machine with another ``gravity`` (3,) in the frame of the world, m/s^2."""
+        model = copy.copy(self.model)
+        model.opt.gravity[:] = gravity
         return replace(self, model=model)
 
     def turn_base(self, roll: float, pitch: float) -> "Machine":

@@ -6,11 +6,19 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.addons.gap.problem import Problem
-from cmacexp.addons.gap.regression import DELAYS, GRAVITY, MOST_LEFT, Regression
+from cmacexp.addons.gap.regression import DELAYS, GRAVITY, MOST_LEFT, Regression, fit_gravity
 
 ALIKE = 0.3
 """Largest distance of the factor of a joint from the median, over that, that another unit makes; a load changes those
 of joints near it more."""
+LEAN_LIKE = {"sign", "model", "gravity"}
+"""Kinds of faults that a base which leans looks like."""
+LEAST_LEAN = 5.0
+"""Least lean of a base that is named, degrees."""
+BETTER = 0.6
+"""Part of the torque that is left with the base leaning, over that with it level, below which it leans."""
+LIKE_GRAVITY = 0.15
+"""Largest relative difference of estimated gravity from that of the model with which it is gravity."""
 LEAST_RANGE = 0.02
 """Least range of the motion of a joint that identifies anything of it, rad."""
 UNIT = (0.3, 3.0)
@@ -28,8 +36,41 @@ class Fault(NamedTuple):
     value: str = ""
 
 
-def check_against_model(problem: Problem, regression: Regression) -> Iterator[Fault]:
-    """Yield faults that a regression of the log on the model shows: times, gains, signs, or too little explained."""
+def check_against_model(problem: Problem, regression: Regression) -> list[Fault]:
+    """Return faults that a regression of the log on the model shows: times, gains, signs, or too little explained.
+
+    A base that leans is named in place of what it looks like.
+    """
+    faults = list(_compare(problem, regression))
+    lean = _find_lean(problem, regression) if LEAN_LIKE.intersection(fault.kind for fault in faults) else None
+    return faults if lean is None else [*(fault for fault in faults if fault.kind not in LEAN_LIKE), lean]
+
+
+def _find_lean(problem: Problem, regression: Regression) -> Fault | None:
+    """Return the fault of a base that leans, if gravity from another side explains the torques; else None."""
+    log = problem.signals.log
+    if log.orientation is not None or not log.is_unit_known or problem.machine.model is None:
+        return None
+    gravity, left = fit_gravity(problem)
+    size = float(np.linalg.norm(gravity))
+    usual = float(np.linalg.norm(problem.machine.model.opt.gravity))
+    power = (problem.signals.torque**2).mean(axis=0)
+    level = float(np.sqrt((regression.left_as_modelled**2 * power).sum() / max(float(power.sum()), 1e-12)))
+    x, y, z = gravity / max(size, 1e-9)
+    roll, pitch = np.degrees([np.arctan2(-y, -z), np.arcsin(np.clip(x, -1.0, 1.0))])
+    explains = left < min(MOST_LEFT, BETTER * level) and abs(size / usual - 1.0) < LIKE_GRAVITY
+    if not explains or np.hypot(roll, pitch) < LEAST_LEAN:
+        return None
+    text = (
+        f"gravity comes from another side: with a base that leans by {roll:.0f} degrees about x and {pitch:.0f} "
+        f"about y, and {size:.3g} m/s^2, joints and model leave {100.0 * left:.0f} % of the torque, if it is level "
+        f"{100.0 * level:.0f} %"
+    )
+    return Fault("lean", text, "--lean", f"{roll:.1f},{pitch:.1f}")
+
+
+def _compare(problem: Problem, regression: Regression) -> Iterator[Fault]:
+    """Yield faults that the regression of a log on the model of a machine with a level base shows."""
     log = problem.signals.log
     late = regression.delay
     if log.has_drives and not DELAYS[0] <= late <= DELAYS[1]:

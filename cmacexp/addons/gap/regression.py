@@ -111,6 +111,29 @@ def fit_model(problem: Problem) -> Regression:
     return solve(measured, min(delays, key=lambda delay: float(np.abs(measured - compute_torque(delay)).mean())))
 
 
+def fit_gravity(problem: Problem) -> tuple[Array, float]:
+    """Estimate gravity (3,) in the frame of the base, m/s^2, beside the joints.
+
+    Returns also the part of the torque of all joints that is left, RMS over RMS.
+    """
+    signals, machine = problem.signals, problem.machine
+    period = signals.log.period
+    rows = slice(20, len(signals.log.time) - 20)
+    zero, *axes = (machine.set_gravity(g).compute_torque(*problem.motion) for g in (np.zeros(3), *np.eye(3)))
+    columns = np.stack([*(torque - zero for torque in axes), signals.torque - zero], axis=-1)
+    shared = low_pass(columns, period)[rows]
+    own = low_pass(problem.make_regressors(1)[..., [0, 1, 2, 4]], period)[rows]
+    left = [
+        shared[:, j] - own[:, j] @ np.linalg.lstsq(own[:, j], shared[:, j], rcond=1e-10)[0]
+        for j in range(shared.shape[1])
+    ]
+    stacked = np.concatenate(left)
+    gravity: Array = np.linalg.lstsq(stacked[:, :3], stacked[:, 3], rcond=None)[0].astype(np.float64)
+    rest = stacked[:, 3] - stacked[:, :3] @ gravity
+    whole = low_pass(signals.torque, period)[rows]
+    return gravity, float(np.sqrt((rest**2).sum() / max(float((whole**2).sum()), 1e-12)))
+
+
 def list_unexplained(problem: Problem, regression: Regression) -> set[int]:
     """Return the numbers of the joints whose torque drives and model do not explain with plausible parameters.
 

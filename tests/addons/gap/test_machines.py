@@ -10,6 +10,7 @@ from support.machines import KINDS, make_machines
 
 from cmacexp.addons.gap.analysis import measure
 from cmacexp.addons.gap.identify import LEVELS, fit
+from cmacexp.addons.gap.log import Log
 from cmacexp.addons.gap.machine import read_machine
 from cmacexp.addons.gap.problem import NAMES, Problem
 from cmacexp.addons.gap.reading import read_log
@@ -113,3 +114,26 @@ def test_an_arm_on_a_stand_without_mass_is_read(tmp_path):
     angle = np.array([[0.5 * np.pi]])
     torque = machine.compute_torque(angle, 0.0 * angle, 0.0 * angle)
     np.testing.assert_allclose(torque, [[2.0 * 9.81 * 0.5]])
+
+
+TWO_LINKS = """<mujoco><worldbody><body>BASE<inertial pos="0 0 0" mass="5" diaginertia=".1 .1 .1"/>
+<body><joint name="a" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03" mass="2"/>
+<body pos="0 0 -.4"><joint name="b" axis="1 0 0"/><geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03" mass="1"/>
+</body></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("is_fixed", [True, False])
+def test_a_base_that_leans_is_named_and_given(is_fixed, tmp_path):
+    """Two links swing about axes at right angles; the log is that of a base turned by 70 and 20 degrees."""
+    (tmp_path / "model.xml").write_text(TWO_LINKS.replace("BASE", "" if is_fixed else "<freejoint/>"))
+    machine = read_machine(str(tmp_path / "model.xml"), ["a", "b"])
+    time = np.arange(0.0, 20.0, 0.005)
+    angle = np.stack([np.sin(2.0 * time), 0.7 * np.sin(3.1 * time)], axis=1)
+    log = Log(tmp_path, time, ("a", "b"), angle, None, 0.0 * angle, None, 0.0 * angle, *np.full((2, 2), np.nan), None)
+    leaning = log.lean(*np.radians([70.0, 20.0]))
+    problem = Problem(Signals(leaning), machine)
+    log = replace(log, torque=problem.rigid + 0.1 * np.sign(problem.signals.velocity))
+    with pytest.raises(BadInput, match=r"base that leans by 70 degrees about x and 20 about y.*--lean 70.0,20.0"):
+        measure(log, machine)
+    assert measure(log.lean(*np.radians([70.0, 20.0])), machine).values["explained"]["all"]["model"] < 30.0
