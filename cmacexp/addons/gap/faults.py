@@ -87,7 +87,7 @@ def check(problem: Problem, regression: Regression, accepted: Collection[str] = 
     implausible = list_unexplained(problem, regression)
     unexplained = implausible if log.has_drives else set(range(len(log.joints)))
     faults = [] if log.command is None else list(_check_pairs(log, log.command, unexplained))
-    for j in range(len(log.joints)):
+    for j in np.argsort(-np.ptp(log.angle, axis=0), kind="stable").tolist():  # those that move first
         faults += _check_angle(log, problem.machine, j, j in implausible)
     faults += _check_lost_rows(log)
     if log.velocity is not None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.addons.gap.matching import match_names
+from cmacexp.addons.gap.matching import list_absent, match_names
 from cmacexp.addons.gap.replay import Expansion
 from cmacexp.config import config_folder
 from cmacexp.errors import require, suggest
@@ -50,6 +50,8 @@ class Machine:
     """Numbers of the joints of each block, in the order of the log."""
     is_prismatic: Mask
     """(J,) true for joints that slide: their units are m, N, N s/m and kg."""
+    absent: tuple[str, ...] = ()
+    """Joints of the log that the model lacks, and that are left out."""
 
     @property
     def has_limbs(self) -> bool:
@@ -166,7 +168,9 @@ def read_machine(
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     kinds = [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)]
     joints = {model.joint(i).name: i for i in np.flatnonzero(np.isin(model.jnt_type, kinds)).tolist()}
-    matched = match_names(names, list(joints), pairs or {}, left_out)
+    absent = list_absent(names, list(joints), pairs or {})
+    names = [name for name in names if name not in absent]
+    matched = match_names(names, list(joints), pairs or {}, [*left_out, *absent])
     index = np.array([joints[name] for name in matched])
     for number in np.flatnonzero(model.eq_active0).tolist():
         joined = _list_constrained(model, number, index)
@@ -195,6 +199,7 @@ def read_machine(
         dof=dof,
         blocks=(np.arange(len(dof)),),
         is_prismatic=model.jnt_type[index] == int(mujoco.mjtJoint.mjJNT_SLIDE),
+        absent=tuple(absent),
     )
     return replace(machine, blocks=_find_blocks(machine))
 

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 
 from cmacexp.errors import BadInput, require, suggest
 
+MOST_KNOWN = 2
+"""Joints of the log that the model has, for each one that it lacks, from which these are left out."""
 MOST_SAID = 8
 """Most joints without a proposal that a message repeats in an option."""
 
@@ -53,6 +55,17 @@ def match_names(
             f"fits {' and '.join(both)} of the log; say which one it is by --joints",
         )
     return tuple(matched)
+
+
+def list_absent(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str, str]) -> list[str]:
+    """Return ``names`` of a log, without ``pairs``, that no joint of the model fits, if most others are its joints.
+
+    They are joints, such as those of a gripper, that the model lacks.
+    """
+    known = {plain(joint) for joint in joints}
+    absent = [name for name in names if name not in pairs and not any(plain(name) in joint for joint in known)]
+    equal = [name for name in names if plain(name) in known or name in pairs]
+    return absent if len(equal) + len(absent) == len(names) and len(equal) >= MOST_KNOWN * len(absent) else []
 
 
 def _count(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[str]]:

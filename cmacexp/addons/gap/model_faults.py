@@ -13,12 +13,16 @@ ALIKE = 0.3
 of joints near it more."""
 LEAN_LIKE = {"sign", "model", "gravity"}
 """Kinds of faults that a base which leans looks like."""
+OPPOSITE = 2
+"""Joints whose torque has the opposite sign, over those with the right one, above which all count the other way."""
 LEAST_LEAN = 5.0
 """Least lean of a base that is named, degrees."""
 BETTER = 0.6
 """Part of the torque that is left with the base leaning, over that with it level, below which it leans."""
 LIKE_GRAVITY = 0.15
 """Largest relative difference of estimated gravity from that of the model with which it is gravity."""
+NEGATIVE_SHARE = 0.3
+"""Share of a measured torque that viscous friction below zero takes at the RMS speed, above which it is a fault."""
 LEAST_RANGE = 0.02
 """Least range of the motion of a joint that identifies anything of it, rad."""
 UNIT = (0.3, 3.0)
@@ -83,7 +87,8 @@ def _compare(problem: Problem, regression: Regression) -> Iterator[Fault]:
     moves = np.ptp(log.angle, axis=0) >= LEAST_RANGE
     touched = "its feet touched the ground"
     reversed_joints = np.flatnonzero(regression.differs & moves & (gravity < 0.0)) if log.is_unit_known else ()
-    is_opposite = bool(len(reversed_joints)) and not (regression.is_certain & moves & (gravity > 0.0)).any()
+    certain = regression.is_certain & moves
+    is_opposite = len(reversed_joints) > OPPOSITE * np.count_nonzero(certain & (gravity > 0.0))
     for j in reversed_joints:
         yield Fault(
             "sign",
@@ -107,13 +112,21 @@ def _compare(problem: Problem, regression: Regression) -> Iterator[Fault]:
             f"{', or '.join(causes[::-1] if problem.machine.has_limbs else causes)}",
         )
     viscous = regression.weights[:, 2]
+    speed = np.sqrt((problem.signals.velocity**2).mean(axis=0))
+    is_driven = viscous + 3.0 * regression.errors[:, 2] < -NEGATIVE_SHARE * problem.signals.torque.std(axis=0) / speed
+    for j in np.flatnonzero(is_driven & moves & (not log.has_drives) & log.is_unit_known):
+        yield Fault(
+            "damping",
+            f"viscous friction of {log.joints[j]} comes out as {viscous[j]:.2g} N m s/rad, below zero: its torques "
+            "have another sign or belong to another joint, or its times are shifted",
+        )
     for j in np.flatnonzero(regression.has_negative_friction(log) & log.has_drives):
         yield Fault(
             "damping",
             f"viscous friction of {log.joints[j]} comes out as {viscous[j]:.2g} "
             f"N m s/rad, below zero: --kd {log.kd[j]:g} is too large",
         )
-    if log.is_unit_known:
+    if log.is_unit_known and not is_opposite:
         is_alike = not len(reversed_joints) and whole <= MOST_LEFT
         yield from _check_gravity(problem, regression, is_alike)
     if log.has_drives and (median := float(np.median(viscous))) > 0.4 * float(log.kd.mean()):

@@ -30,6 +30,8 @@ MEASURED = ("measured", "meas", "present", "actual", "act", "state", "est", "est
 COMMANDED = (
     "des", "desired", "cmd", "command", "commanded", "ref", "reference", "target", "setpoint", "goal",
 )  # fmt: skip
+APPLIED = ("applied", "cmd", "command", "commanded")
+"""Words of torques that stand for measured ones where there are none."""
 PREFIXES = ("field", "data", "msg", "state", "states", "observation", "observations", "joint_state", "joint_states")
 """Words before the name of a column that say nothing: fields of a message, and topics."""
 MOST_LISTED = 6
@@ -66,7 +68,7 @@ PATTERNS: dict[str, tuple[str, ...]] = {
     ),
     "velocity": tuple(_measure(VELOCITIES)),
     "command_velocity": (*_combine(VELOCITIES, COMMANDED), "dq_d_{joint}", "qd_d_{joint}"),
-    "torque": (*_measure(TORQUES), *_measure(CURRENTS)),
+    "torque": (*_measure(TORQUES), *_measure(CURRENTS), *_combine((*TORQUES, *CURRENTS), APPLIED)),
     "feedforward": ("tau_ff_{joint}", "{joint}_tau_ff"),
     "kp": ("kp_{joint}", "kp"),
     "kd": ("kd_{joint}", "kd"),
@@ -112,8 +114,8 @@ def find_numbered(columns: dict[str, NDArray[Any]], quantity: str, name: str, jo
 
 def _compile(pattern: str) -> "re.Pattern[str]":
     """Return the expression that names translated by SEPARATORS match if they fit one of PATTERNS."""
-    units = "rad|deg|degrees|nm" if pattern.endswith(JOINT) else "rad|deg|degrees|nm|a|ma"
-    text = f"_*(?:(?:{'|'.join(PREFIXES)})_+)*{re.escape(pattern).replace('_', '_+')}(?:_+(?:{units}))?_*"
+    units = "rad|deg|degrees|nm" if pattern.endswith(JOINT) else "rad|deg|degrees|nm|a|ma|joint"
+    text = f"_*(?:(?:{'|'.join(PREFIXES)})_+)*{re.escape(pattern).replace('_', '_+')}(?:_+(?:{units}))*_*"
     for word, form in {JOINT: "(.+?)", NUMBER: r"(\d+)"}.items():
         text = text.replace(re.escape(word), form)
     return re.compile(text, re.IGNORECASE)

@@ -27,6 +27,9 @@ from cmacexp.addons.gap.times import read_time
 from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.typing import Array
 
+MOST_TURNED = 30.0
+"""Largest turn of the orientation of a base that is held, degrees."""
+
 
 def read_log(
     path: Path,
@@ -120,16 +123,17 @@ def _make_log(table: Table) -> Log:
         names[quantity] = pattern
         return table.read_all(quantity, suffixes, time.size, notes)
 
+    said = len(notes)
     angle = read("angle")
     command, torque = read("command"), read("torque")
-    if torque is not None and not torque.any():
+    if torque is not None and not np.nan_to_num(torque).any():
         torque = None
         notes.append("Torques are 0 in all rows, and not used.")
     if command is not None and (command == command[:1]).all():
         command = None
         notes.append("Commands are the same in all rows, and not used.")
     without_angle = _list_joints(table, names).difference(joints)
-    if absent := sorted(without_angle.difference(table.left_out)):
+    if absent := sorted(without_angle.difference(table.left_out), key=lambda joint: (len(joint), joint)):
         columns = ", ".join(names["angle"].replace(JOINT, joint) for joint in absent)
         listed = ",".join(absent)
         lacks = f"has no column {columns} for angle of joint {listed}, which has a command or torque"
@@ -145,7 +149,7 @@ def _make_log(table: Table) -> Log:
         feedforward=read("feedforward", missing=np.zeros_like(angle)),
         kp=table.read_gain("kp", joints),
         kd=table.read_gain("kd", joints),
-        orientation=read("orientation", AXES),
+        orientation=_check_turning(read("orientation", AXES), notes),
         velocity=_check_finite(read("velocity")),
         rows=np.arange(len(time)),
         names=names,
@@ -156,15 +160,17 @@ def _make_log(table: Table) -> Log:
         command is not None or torque is not None,
         KEY,
         table.path,
-        "has neither commanded angles nor torques: name them, --names command=..., or torque=NAME_{joint}, or "
-        f"give the files that have them too; it has {table.list_columns()}",
+        f"has neither commanded angles nor torques{''.join(f'; {note[:-1].lower()}' for note in notes[said:])}: name "
+        "them, --names command=..., or torque=NAME_{joint}, or give the files that have them too; it has "
+        f"{table.list_columns()}",
     )
     for key, gain in {"--kp": log.kp, "--kd": log.kd}.items():
         require(
             torque is not None or np.isfinite(gain).all(),
             key,
             None,
-            "is missing: the log has neither torques nor the gains of the drives",
+            "is missing: the log has neither the gains of the drives nor torques that are found by name; name these, "
+            f"--names torque=NAME_{JOINT}, or torque=NAME for a single joint; it has {table.list_columns()}",
         )
     for quantity, unit in table.units.items():
         require(
@@ -198,6 +204,20 @@ def _note_unused(table: Table, names: Mapping[str, str]) -> Iterable[str]:
     if "command" not in names and unused:
         listed = ", ".join(unused[:3]) + f" and {len(unused) - 3} more" * (len(unused) > 3)
         yield f"Columns {listed} are named like commands, and not used; name them, --names command=NAME_{JOINT}."
+
+
+def _check_turning(orientation: Array | None, notes: list[str]) -> Array | None:
+    """Return the orientation (n, 4) of a base that was held; None, which is added to ``notes``, if it turns far."""
+    if orientation is None or not np.isfinite(orientation).any():
+        return None
+    first = orientation[np.isfinite(orientation).all(axis=1).argmax()]
+    turn = 2.0 * np.degrees(np.arccos(np.clip(np.nanmin(np.abs(orientation @ first)), 0.0, 1.0)))
+    if turn < MOST_TURNED:
+        return orientation
+    notes.append(
+        f"The orientation turns by {turn:.0f} degrees, and is not used: it is not that of a base that was held."
+    )
+    return None
 
 
 def _check_finite(velocity: Array | None) -> Array | None:

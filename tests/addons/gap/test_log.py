@@ -12,7 +12,7 @@ from scipy.io import savemat
 from support.doors import BadInput
 
 from cmacexp.addons.gap.clock import regularise
-from cmacexp.addons.gap.matching import match_names
+from cmacexp.addons.gap.matching import list_absent, match_names
 from cmacexp.addons.gap.readers import load_reader
 from cmacexp.addons.gap.reading import read_log
 
@@ -172,6 +172,8 @@ def test_joints_with_the_same_numbers_are_matched_and_all_others_are_in_one_line
         BadInput, match="no joint a, b; say if it is this order, --joints a=x,b=y, or --leave-out a,b"
     ):
         match_names(["a", "b", "z"], ["x", "y", "z"], {})
+    assert list_absent(["x", "y", "grip"], ["x", "y", "z"], {}) == ["grip"]
+    assert not list_absent(["x", "grip"], ["x", "y", "z"], {})
     legs = [f"{leg}_{joint}_joint" for leg in ("FL", "FR") for joint in ("hip", "thigh")]
     with pytest.raises(BadInput, match="FR_0=FR_hip_joint,FR_1=FR_thigh_joint,FL_0=FL_hip_joint,FL_1=FL_thigh_joint"):
         match_names(["FR_0", "FR_1", "FL_0", "FL_1"], legs, {})
