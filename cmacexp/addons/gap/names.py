@@ -85,7 +85,7 @@ COMMAND = re.compile(rf"(?:.*_)?(?:{'|'.join(COMMANDED)})(?:_.*)?", re.IGNORECAS
 """Names of columns that are likely to be commands."""
 TIMES = re.compile(r".*_(?:time|t|timestamp|stamp)_*", re.IGNORECASE)
 """Names of columns that are likely to be times."""
-NO_JOINTS = {*MEASURED, *COMMANDED, *CURRENTS}
+NO_JOINTS = {*MEASURED, *COMMANDED, *CURRENTS, "rad", "deg", "degrees", "nm"}
 """Words that are no names of joints: in ``goal_position`` beside ``position`` there is no joint *goal*."""
 SEPARATORS = str.maketrans(dict.fromkeys(" ./-[]():%", "_"))
 
