@@ -257,16 +257,21 @@ def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool) -> It
 
 
 def _check_stops(log: Log, j: int) -> Iterator[Fault]:
-    """Yield faults of an angle of joint ``j`` that is clipped, or frozen while its command moves."""
+    """Yield faults of an angle of joint ``j`` that is clipped, or frozen while its command moves.
+
+    A joint that turns slows down as much in the rows before it as it takes to come to rest.
+    """
     values = log.angle[:, j]
     name = log.column("angle", j)
     edges = np.flatnonzero(np.diff(values) != 0.0) + 1
     begins, ends = np.append(0, edges), np.append(edges, len(values))
     steps = np.abs(np.diff(values, prepend=values[0]))
     stopped = (ends - begins >= CLIPPED[1]) & (begins > 1)
-    tick = float(steps[steps > 0.0].min(initial=np.inf))
+    tick = float(np.percentile(steps[steps > 0.0], 5.0)) if steps.any() else np.inf  # few are interpolated
     least = max(CLIPPED[2] * np.sqrt((steps[1:] ** 2).mean()), TICKS * tick)
     stopped &= (steps[begins - 1] > least) & (np.append(steps, 0.0)[ends] > least)
+    slowing = (steps[np.maximum(begins - 4, 0)] - steps[begins - 1]) / 3.0
+    stopped &= steps[begins - 1] > slowing * (ends - begins)
     for extreme in (values.min(), values.max()):
         clipped = begins[stopped & (values[begins] == extreme)]
         if len(clipped) >= CLIPPED[0]:
