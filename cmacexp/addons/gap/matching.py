@@ -58,14 +58,15 @@ def match_names(
 
 
 def list_absent(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str, str]) -> list[str]:
-    """Return ``names`` of a log, without ``pairs``, that no joint of the model fits, if most others are its joints.
+    """Return ``names`` of a log, without ``pairs``, that no joint of the model fits, if most others, or all, are its.
 
     They are joints, such as those of a gripper, that the model lacks.
     """
     known = {plain(joint) for joint in joints}
     absent = [name for name in names if name not in pairs and not any(plain(name) in joint for joint in known)]
     equal = [name for name in names if plain(name) in known or name in pairs]
-    return absent if len(equal) + len(absent) == len(names) and len(equal) >= MOST_KNOWN * len(absent) else []
+    is_most = len(equal) >= min(MOST_KNOWN * len(absent), len(joints))
+    return absent if is_most and len(equal) + len(absent) == len(names) else []
 
 
 def _count(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[str]]:

@@ -187,4 +187,4 @@ class Table:
 def _sign_counts(values: Array) -> Array:
     """Return counts (n,) of a register of 16 bits with their sign: those from 2^15 on are below 0."""
     is_wrapped = np.abs(np.diff(values)).max(initial=0.0) > 2**15 and values.min() >= 0.0 and values.max() < 2**16
-    return np.where(values < 2**15, values, values - 2**16) if is_wrapped and (values % 1.0 == 0.0).all() else values
+    return np.where(values < 2**15, values, values - 2**16) if is_wrapped else values
