@@ -35,7 +35,9 @@ from cmacexp.models.robot_legs import (
 from cmacexp.typing import Array
 
 USUAL_HOME = (0.0, 0.9, -1.8)
-"""Joint angles of a leg, rad, that are home if all four legs can stand from there."""
+"""Joint angles of a leg, rad, that are home if all four legs can stand near them."""
+NEAR_HOME = 1.0
+"""Largest distance of a joint from them, rad; of the robots of the package it is up to 0.26."""
 STARTS = tuple(itertools.product((0.9, -0.9, 0.0), (-1.8, 1.8, -0.9, 0.9)))
 """Angles of thigh and calf, rad, from which a home is searched; the first of equally good results counts."""
 DIGITS = 2
@@ -287,6 +289,11 @@ class _Leg(NamedTuple):
         fits = np.isfinite(q).all() and (self.ranges[:, 0] <= q).all() and (q <= self.ranges[:, 1]).all()
         return q if fits else None
 
+    def is_near(self, home: Sequence[float]) -> bool:
+        """Return True if the leg stands near ``home`` (3,), rad; farther away it may bend another way."""
+        q = self.stand(home)
+        return q is not None and float(np.abs(q - home).max()) < NEAR_HOME
+
 
 def _find_homes(model: Any, data: Any, legs: list[list[int]], feet: Sequence[Array]) -> list[Any]:
     """Find the home of all legs, or of each, with the plane of the leg upright and the knee back if possible.
@@ -301,7 +308,7 @@ def _find_homes(model: Any, data: Any, legs: list[list[int]], feet: Sequence[Arr
         limited = model.jnt_limited[leg].astype(bool)[:, None]
         ranges = np.where(limited, model.jnt_range[leg], [-np.pi, np.pi])
         geometries.append(_Leg(model.joint(leg[-1]).name, chain, float(HEIGHT_OF_LINKS * length), ranges))
-    if all(leg.stand(USUAL_HOME) is not None for leg in geometries):
+    if all(leg.is_near(USUAL_HOME) for leg in geometries):
         return list(USUAL_HOME)
     homes = [_find_home(leg) for leg in geometries]
     return homes[0] if homes.count(homes[0]) == LEGS else homes

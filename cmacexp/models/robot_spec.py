@@ -86,6 +86,11 @@ def _read_urdf(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
         geom.mass = 0.0  # in a URDF a link without <inertial> has none
     for mesh in spec.meshes:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # which any surface has
+    for joint in root.iter("joint"):
+        if (
+            dynamics := joint.find("dynamics")
+        ) is not None and "rotor_inertia" in dynamics.attrib:  # as RaiSim has it
+            spec.joint(joint.get("name")).armature = float(dynamics.get("rotor_inertia", "0"))
     float_trunk(spec)  # a URDF has no free joint
     return spec, [f"without the collision shapes {list_names(missing)}, which are missing"] if missing else []
 

@@ -384,6 +384,14 @@ def test_a_link_of_hardly_any_mass_is_read_and_one_that_moves_without_mass_is_na
         find_names(path)
 
 
+def test_rotor_inertia_of_a_urdf_as_raisim_has_it_is_read(tmp_path):
+    path = write_urdf(tmp_path)
+    text = path.read_text()
+    path.write_text(text.replace("<dynamics", '<dynamics rotor_inertia="0.012"'))
+    names = find_names(path)
+    assert read(path, *names).armature.ravel() == pytest.approx(0.012)
+
+
 LOOK = ("<worldbody>", f"<asset>{ABSENT}</asset><worldbody>")
 FIXED = '<body name="wall"><geom type="mesh" mesh="look"/></body>'
 

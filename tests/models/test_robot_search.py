@@ -39,6 +39,15 @@ def test_where_axes_point_to_the_right_a_home_of_the_usual_height_is_found(tmp_p
     assert (calves[:, 0] < feet[:, 0]).all()
 
 
+def test_legs_that_stand_far_from_the_usual_home_have_another_one(tmp_path):
+    """The zero of each calf is turned by 1.7 rad, so that it stands near 0 instead of near -1.7."""
+    path = tmp_path / "turned.xml"
+    text = OWN.read_text().replace('range="-2.7 -0.5"', 'range="-1.0 1.2"')
+    path.write_text(re.sub(r'(<body name="\w+_calf" pos="[^"]*")', r'\1 euler="0 -1.7 0"', text))
+    home = np.array(find_names(path).home)
+    assert np.abs(home[..., 2]).max() < 0.5
+
+
 @pytest.mark.parametrize("degrees", [-170, -120, -90, -30, 0, 10, 45, 90, 135, 180])
 def test_the_direction_of_a_turned_trunk_is_found_by_the_names_of_its_legs(tmp_path, degrees):
     """The robot that is read is that of the frame that is not turned; up to 15 degrees the frame stays."""

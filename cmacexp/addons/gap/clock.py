@@ -41,7 +41,8 @@ def regularise(log: Log) -> Log:
         back <= MOST_BACK * len(log.time),
         KEY,
         log.path,
-        f"{back} rows are older than the row before them: several logs in one file? cut it where time begins anew",
+        f"{back} of {len(log.time)} rows are older than the row before them: they are in no order of time, or its "
+        "column is another: --names time=NAME",
     )
     if back:
         log = _choose(log, np.argsort(log.time, kind="stable").astype(np.int64), "")
@@ -54,7 +55,7 @@ def regularise(log: Log) -> Log:
     )
     require(len(log.time) > 2, KEY, log.path, distinct)
     require(
-        RATES[0] <= 1.0 / log.period <= RATES[1],
+        0.999 * RATES[0] <= 1.0 / log.period <= 1.001 * RATES[1],
         KEY,
         log.path,
         f"has {1.0 / log.period:.3g} rows a second, which robots do not have: say the unit of time, --units time=ms "

@@ -90,7 +90,7 @@ def read_given(arguments: Arguments, files: Sequence[Path]) -> tuple[Log, Machin
         for name, joint in zip(log.joints, machine.joints, strict=True)
         if name not in pairs and plain(name) not in plain(joint)
     ]
-    return log.note(f"Joints by number: {', '.join(numbered)}.") if numbered else log, machine
+    return log.note(f"Joints by number or order: {', '.join(numbered)}.") if numbered else log, machine
 
 
 def read_accepted(arguments: Arguments) -> list[str]:

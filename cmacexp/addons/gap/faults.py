@@ -33,10 +33,15 @@ SLOPES = (0.5, 1.4)
 """Least and largest slope of the measured over the commanded angle."""
 MOST_APART = (0.1, 0.3)
 """Tolerance of the median of measured less commanded angle, since joints sag: rad, and relative to the range."""
+MOST_APART_ROWS = 0.2
+"""Mean motion from row to row over the range of a joint above which rows are no samples in order."""
+COPIED = (1e-4, 2e-3)
+"""Distance of angles from the commands of the same row, and of the row before, over the largest range of commands,
+below which one is a copy of the other."""
 NEARER, MUCH_NEARER = 0.5, 0.3
 """Distance of a measured angle to the command of another joint, over that to the command of its own joint, below
 which columns are exchanged: for both joints, and for only one of them."""
-ADVANCE = 3.0
+ADVANCE = 3.5
 """Motion between two rows, over speed times spacing, above which rows were lost and times were renumbered."""
 SPIKE = 25.0
 """Second difference, over the 99th percentile of the joint, above which a value is an outlier."""
@@ -60,7 +65,7 @@ MOST_TURNED = 4.0 * np.pi
 
 KINDS = (
     "copied", "scale", "zero", "order", "range", "clipped", "jump", "rest", "frozen", "lost", "rate", "unsigned",
-    "torque", "delay", "sign", "model", "lean", "damping", "gravity",
+    "torque", "delay", "sign", "model", "lean", "load", "damping", "gravity",
 )  # fmt: skip
 """Kinds of faults that ``--accept`` makes notes."""
 CAUSES = {
@@ -89,7 +94,10 @@ def check(problem: Problem, regression: Regression, accepted: Collection[str] = 
     faults = [] if log.command is None else list(_check_pairs(log, log.command, unexplained))
     for j in np.argsort(-np.ptp(log.angle, axis=0), kind="stable").tolist():  # those that move first
         faults += _check_angle(log, problem.machine, j, j in implausible)
-    faults += _check_lost_rows(log)
+    if log.velocity is not None and _compare_velocity(log, log.velocity, 1.0):
+        faults = [fault for fault in faults if fault.kind != "jump"]  # it moved so
+    else:
+        faults += _check_lost_rows(log)
     if log.velocity is not None:
         faults += _check_velocity(log, log.velocity)
     if log.torque is not None:
@@ -158,6 +166,12 @@ def check_values(log: Log) -> None:
                 log.path,
                 f"column {name} is {values[index]} in row {log.find_row(index[0])}: fill or cut such rows",
             )
+    spans = np.maximum(np.ptp(log.angle, axis=0), LEAST_RANGE)
+    apart = np.median(np.abs(np.diff(log.angle, axis=0)).mean(axis=0) / spans)
+    unordered = (
+        f"moves by {100.0 * apart:.0f} % of the range of its joints from row to row: rows are no samples in order"
+    )
+    require(apart < MOST_APART_ROWS, KEY, log.path, unordered)
     if log.orientation is not None:
         norms = np.linalg.norm(log.orientation, axis=1)
         for row in np.flatnonzero(np.abs(norms - 1.0) > NORM_ERROR):
@@ -172,9 +186,12 @@ def _check_pairs(log: Log, command: Array, unexplained: Collection[int]) -> Iter
     span = np.ptp(command, axis=0)
     centred = command - command.mean(axis=0)
     angles, commands = ([log.column(quantity, j) for j in range(len(span))] for quantity in ("angle", "command"))
-    if np.sqrt(((log.angle - command) ** 2).mean()) < 1e-4 * max(span.max(), 1e-9):
-        yield Fault("copied", f"column {angles[0]} and others hold the commands, not measured angles")
-        return
+    for later, tolerance in ((0, COPIED[0]), (1, COPIED[1])):
+        apart = log.angle[later:] - command[: len(command) - later]
+        if np.sqrt((apart**2).mean()) < tolerance * max(span.max(), 1e-9):
+            row = " of the next row" * later
+            yield Fault("copied", f"column {commands[0]} and others hold the angles{row}: they are no commands")
+            return
     products = (centred * log.angle).sum(axis=0)
     slopes = np.divide(products, (centred**2).sum(axis=0), out=np.ones_like(span), where=span > LEAST_RANGE)
     apart = np.abs(np.median(log.angle - command, axis=0))
@@ -215,7 +232,8 @@ def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool) -> It
     name = log.column("angle", j)
     values = log.angle[:, j]
     low, high = machine.ranges[j]
-    if is_unexplained and not machine.is_prismatic[j]:
+    is_in_rad = log.velocity is not None and _compare_velocity(log, log.velocity, 1.0)
+    if is_unexplained and not machine.is_prismatic[j] and not is_in_rad:
         zero = 2.0 * np.pi * np.round(values.mean() / (2.0 * np.pi)) if np.isinf(high - low) else 0.0  # of an encoder
         low, high = max(low, zero - MOST_TURNED), min(high, zero + MOST_TURNED)
     speed = differentiate(values[:, None], log.period)[:, 0]
@@ -235,7 +253,7 @@ def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool) -> It
     if not (low - BEYOND <= values.min() and values.max() <= high + BEYOND):
         inside = (low - BEYOND <= np.radians(values.min())) and np.radians(values.max()) <= high + BEYOND
         inside &= bool(np.abs(values).max() > 2.0 * np.pi)
-        inside &= log.velocity is None or not _compare_velocity(log, log.velocity, 1.0)
+        inside &= not is_in_rad
         units = "angle=deg" if log.command is None else "angle=deg,command=deg"
         mend = ("--units", units) if inside and not machine.is_prismatic[j] else ("--accept", "")
         yield Fault(
@@ -300,6 +318,8 @@ def _check_lost_rows(log: Log) -> Iterator[Fault]:
     scaled = log.angle / np.maximum(np.ptp(log.angle, axis=0), LEAST_RANGE)
     steps = np.linalg.norm(np.diff(scaled, axis=0), axis=1)
     reach = max(3, round(0.02 / log.period))
+    if len(steps) <= 2 * reach:
+        return
     around = np.lib.stride_tricks.sliding_window_view(steps, 2 * reach + 1)
     moved = steps[steps > 0.0] if steps.any() else np.ones(1)
     usual = max(float(np.median(moved)), TICKS * float(moved.min()))  # encoders of coarse steps stand still, too

@@ -12,6 +12,9 @@ from cmacexp.addons.gap.arrays import TIME
 from cmacexp.addons.gap.names import JOINT, PATTERNS
 from cmacexp.addons.gap.readers import DECLARED, SAID, Columns
 
+APART = 0.02
+"""Largest distance of first, and of last, times of files of one log, relative to all of its time."""
+
 
 def join_files(tables: Mapping[Path, Columns]) -> dict[str, NDArray[Any]]:
     """Join the columns of several files, each with its ``split_arrays``.
@@ -20,8 +23,11 @@ def join_files(tables: Mapping[Path, Columns]) -> dict[str, NDArray[Any]]:
     ``q`` of ``robot_q.csv``, or all of it; columns that are the same in all files are one. Files with times of their
     own are read at those of the first one.
     """
-    tables = _align(tables)
+    tables = _align(_name_clocks(tables))
     names = [name for columns in tables.values() for name in columns]
+    signals = {path: _find_signal(path.stem) for path in tables}
+    if len(set(signals.values())) < len(signals):
+        signals = {path: path.stem for path in tables}
     joined = dict[str, NDArray[Any]]()
     for path, columns in tables.items():
         for name, values in columns.items():
@@ -31,8 +37,24 @@ def join_files(tables: Mapping[Path, Columns]) -> dict[str, NDArray[Any]]:
                 joined[name] = values
             elif not (name in joined and np.array_equal(joined[name], values)):
                 is_first = name not in joined and not name.isdigit() and _is_same(tables.values(), name)
-                joined[name if is_first else f"{_find_signal(path.stem)}_{name}"] = values
+                joined[name if is_first else f"{signals[path]}_{name}"] = values
     return joined
+
+
+def _name_clocks(tables: Mapping[Path, Columns]) -> Mapping[Path, Columns]:
+    """Return tables without names of columns with ``time`` for the first columns, if all grow alike in each row."""
+    listed = [[name for name in columns if name not in (*DECLARED, *SAID)] for columns in tables.values()]
+    if not all(names and all(map(str.isdigit, names)) for names in listed):
+        return tables
+    clocks = [columns[names[0]] for columns, names in zip(tables.values(), listed, strict=True)]
+    grow = all(clock.dtype.kind in "iuf" and len(clock) > 1 and (np.diff(clock) > 0.0).all() for clock in clocks)
+    ends = np.array([[clock[0], clock[-1]] for clock in clocks], dtype=float)
+    if not grow or (np.ptp(ends, axis=0) > APART * np.ptp(ends)).any():
+        return tables
+    return {
+        path: {("time" if name == names[0] else name): values for name, values in columns.items()}
+        for (path, columns), names in zip(tables.items(), listed, strict=True)
+    }
 
 
 def _align(tables: Mapping[Path, Columns]) -> Mapping[Path, Columns]:
@@ -68,7 +90,9 @@ def _is_same(tables: Iterable[Columns], name: str) -> bool:
 
 
 def _find_signal(stem: str) -> str:
-    """Return the name of a file, or the word of it, before which or after which a joint makes a name of PATTERNS."""
+    """Return the most words of the name of a file that, before a joint, make a name of PATTERNS; else all of it."""
     known = {name for patterns in PATTERNS.values() for name in patterns}
-    words = [stem, *re.split(r"[^A-Za-z]+", stem)]
-    return next((word for word in words if f"{word.lower()}_{JOINT}" in known), stem)
+    words = [word for word in re.split(r"[^A-Za-z]+", stem) if word]
+    parts = ["_".join(words[i:k]) for i in range(len(words)) for k in range(i + 1, len(words) + 1)]
+    parts.sort(key=len, reverse=True)
+    return next((part for part in [stem, *parts] if f"{part.lower()}_{JOINT}" in known), stem)

@@ -36,13 +36,13 @@ def match_names(
         known = [*names, *left_out]
         reason = f"the log has no joint {name}{suggest(name, known)}; it has {', '.join(known)}"
         require(name in known, "--joints", f"{name}={joint}", reason)
-    counted = _count([*names, *left_out], joints)
+    counted = _count([*names, *left_out], joints) or ({names[0]: [*joints]} if len(names) == len(joints) == 1 else {})
     fitting = dict[str, list[str]]()
     for name in names:
         wanted = pairs.get(name, name)
         equal = [joint for joint in joints if plain(joint) == plain(wanted)] or counted.get(wanted, [])
         equal = equal or [joint for joint in joints if spell(joint) == spell(wanted)]
-        fitting[name] = [wanted] if wanted in joints else equal or [j for j in joints if plain(wanted) in plain(j)]
+        fitting[name] = [wanted] if wanted in joints else equal or [j for j in joints if _contains(j, wanted)]
     if unfit := [name for name, close in fitting.items() if len(close) != 1]:
         raise _list_unfit(unfit, fitting, joints)
     matched = [close[0] for close in fitting.values()]
@@ -55,6 +55,11 @@ def match_names(
             f"fits {' and '.join(both)} of the log; say which one it is by --joints",
         )
     return tuple(matched)
+
+
+def _contains(joint: str, name: str) -> bool:
+    """Return True if the name of a ``joint`` contains a ``name``; a number as a whole one."""
+    return int(name) in map(int, re.findall(r"\d+", joint)) if name.isdigit() else plain(name) in plain(joint)
 
 
 def list_absent(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str, str]) -> list[str]:

@@ -6,21 +6,23 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.addons.gap.problem import Problem
-from cmacexp.addons.gap.regression import DELAYS, GRAVITY, MOST_LEFT, Regression, fit_gravity
+from cmacexp.addons.gap.regression import DELAYS, GRAVITY, MOST_LEFT, Regression, fit_gravity, fit_load
 
 ALIKE = 0.3
 """Largest distance of the factor of a joint from the median, over that, that another unit makes; a load changes those
 of joints near it more."""
 LEAN_LIKE = {"sign", "model", "gravity"}
-"""Kinds of faults that a base which leans looks like."""
+"""Kinds of faults that a base which leans, or a load, looks like."""
 OPPOSITE = 2
 """Joints whose torque has the opposite sign, over those with the right one, above which all count the other way."""
 LEAST_LEAN = 5.0
 """Least lean of a base that is named, degrees."""
 BETTER = 0.6
-"""Part of the torque that is left with the base leaning, over that with it level, below which it leans."""
+"""Part of the torque that is left with a cause, over that without it, below which it is the cause."""
 LIKE_GRAVITY = 0.15
 """Largest relative difference of estimated gravity from that of the model with which it is gravity."""
+LEAST_TURN = 0.1
+"""Least range of the motion of a joint whose torque says whether its sign and size are right, rad."""
 NEGATIVE_SHARE = 0.3
 """Share of a measured torque that viscous friction below zero takes at the RMS speed, above which it is a fault."""
 LEAST_RANGE = 0.02
@@ -43,34 +45,52 @@ class Fault(NamedTuple):
 def check_against_model(problem: Problem, regression: Regression) -> list[Fault]:
     """Return faults that a regression of the log on the model shows: times, gains, signs, or too little explained.
 
-    A base that leans is named in place of what it looks like.
+    A base that leans, and a load, are named in place of what they look like.
     """
     faults = list(_compare(problem, regression))
-    lean = _find_lean(problem, regression) if LEAN_LIKE.intersection(fault.kind for fault in faults) else None
-    return faults if lean is None else [*(fault for fault in faults if fault.kind not in LEAN_LIKE), lean]
+    if not LEAN_LIKE.intersection(fault.kind for fault in faults) or problem.machine.model is None:
+        return faults
+    power = (problem.signals.torque**2).mean(axis=0)
+    level = float(np.sqrt((regression.left_as_modelled**2 * power).sum() / max(float(power.sum()), 1e-12)))
+    most = min(MOST_LEFT, BETTER * level)
+    cause = _find_lean(problem, most) or _find_load(problem, most)
+    return faults if cause is None else [*(fault for fault in faults if fault.kind not in LEAN_LIKE), cause]
 
 
-def _find_lean(problem: Problem, regression: Regression) -> Fault | None:
-    """Return the fault of a base that leans, if gravity from another side explains the torques; else None."""
+def _find_lean(problem: Problem, most: float) -> Fault | None:
+    """Return the fault of a base that leans, if gravity from another side leaves less than ``most``; else None."""
     log = problem.signals.log
-    if log.orientation is not None or not log.is_unit_known or problem.machine.model is None:
+    if log.orientation is not None or not log.is_unit_known:
         return None
     gravity, left = fit_gravity(problem)
     size = float(np.linalg.norm(gravity))
     usual = float(np.linalg.norm(problem.machine.model.opt.gravity))
-    power = (problem.signals.torque**2).mean(axis=0)
-    level = float(np.sqrt((regression.left_as_modelled**2 * power).sum() / max(float(power.sum()), 1e-12)))
     x, y, z = gravity / max(size, 1e-9)
     roll, pitch = np.degrees([np.arctan2(-y, -z), np.arcsin(np.clip(x, -1.0, 1.0))])
-    explains = left < min(MOST_LEFT, BETTER * level) and abs(size / usual - 1.0) < LIKE_GRAVITY
-    if not explains or np.hypot(roll, pitch) < LEAST_LEAN:
+    if left >= most or abs(size / usual - 1.0) >= LIKE_GRAVITY or np.hypot(roll, pitch) < LEAST_LEAN:
         return None
     text = (
         f"gravity comes from another side: with a base that leans by {roll:.0f} degrees about x and {pitch:.0f} "
-        f"about y, and {size:.3g} m/s^2, joints and model leave {100.0 * left:.0f} % of the torque, if it is level "
-        f"{100.0 * level:.0f} %"
+        f"about y, and {size:.3g} m/s^2, joints and model leave {100.0 * left:.0f} % of the torque"
     )
     return Fault("lean", text, "--lean", f"{roll:.1f},{pitch:.1f}")
+
+
+def _find_load(problem: Problem, most: float) -> Fault | None:
+    """Return the fault of a load on the last link, if with its mass less than ``most`` is left; else None."""
+    log = problem.signals.log
+    if not log.is_unit_known or problem.machine.has_limbs:
+        return None
+    factor, left = fit_load(problem, len(log.joints) - 1)
+    if left >= most or factor < 1.0:
+        return None
+    link, bodies = problem.machine.find_link(len(log.joints) - 1)
+    mass = (factor - 1.0) * float(problem.machine.model.body_mass[bodies].sum())
+    text = (
+        f"the robot carries a load that the model lacks: with {mass:.2g} kg more on {link}, joints and model leave "
+        f"{100.0 * left:.0f} % of the torque; add it to the model"
+    )
+    return Fault("load", text)
 
 
 def _compare(problem: Problem, regression: Regression) -> Iterator[Fault]:
@@ -84,7 +104,7 @@ def _compare(problem: Problem, regression: Regression) -> Iterator[Fault]:
             "their times are shifted, or --kp or --kd is wrong",
         )
     gravity = regression.weights[:, 0]
-    moves = np.ptp(log.angle, axis=0) >= LEAST_RANGE
+    moves = np.ptp(log.angle, axis=0) >= LEAST_TURN
     touched = "its feet touched the ground"
     reversed_joints = np.flatnonzero(regression.differs & moves & (gravity < 0.0)) if log.is_unit_known else ()
     certain = regression.is_certain & moves
@@ -142,7 +162,7 @@ def _check_gravity(problem: Problem, regression: Regression, is_alike: bool) -> 
     """
     log = problem.signals.log
     gravity = regression.weights[:, 0]
-    moves = np.ptp(log.angle, axis=0) >= LEAST_RANGE
+    moves = np.ptp(log.angle, axis=0) >= LEAST_TURN
     certain = regression.is_certain & moves
     factor = float(np.median(gravity[certain])) if certain.any() else 1.0
     times = f"are {factor:.2g} times those of the rigid bodies of the model:"

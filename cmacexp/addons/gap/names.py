@@ -21,8 +21,8 @@ VELOCITIES = (
     "dof_vel",
 )  # fmt: skip
 TORQUES = (
-    "tau", "torque", "torques", "effort", "efforts", "eff", "moment", "force", "tauEst", "tau_est", "tau_J",
-    "joint_tau", "joint_torque", "joint_torques", "joint_effort", "dof_torque",
+    "tau", "torque", "torques", "trq", "torq", "effort", "efforts", "eff", "moment", "force", "tauEst", "tau_est",
+    "tau_J", "joint_tau", "joint_torque", "joint_torques", "joint_effort", "dof_torque",
 )  # fmt: skip
 CURRENTS = ("current", "currents", "curr", "load")
 """Signals in place of torques, in units that say nothing of N m."""
@@ -90,18 +90,21 @@ NO_JOINTS = {*MEASURED, *COMMANDED, *CURRENTS, "rad", "deg", "degrees", "nm"}
 SEPARATORS = str.maketrans(dict.fromkeys(" ./-[]():%", "_"))
 
 
-def find_numbered(columns: dict[str, NDArray[Any]], quantity: str, name: str, joints: Sequence[str] = ()) -> str:
+def find_given(columns: dict[str, NDArray[Any]], quantity: str, name: str, joints: Sequence[str] = ()) -> str:
     """Return the pattern of the columns ``name`` of a quantity; raise BadInput for numbers of absent columns.
 
-    Columns that are named by number, such as ``3`` or ``2-7``, are added under the quantity and a number from 0 on,
-    or the names of as many ``joints`` in the file, of which the last ones count.
+    A name may lack what stands before it in the only column that ends so. Columns that are named by number, such as
+    ``3`` or ``2-7``, are added under the quantity and a number from 0 on, or the names of as many ``joints`` in the
+    file, of which the last ones count.
     """
     match = re.fullmatch(r"(\d+)(?:-(\d+))?", name)
     if match is None or name in columns:
-        return name.replace(NUMBER, JOINT)
+        ending = [column for column in columns if column.endswith(f"_{name}")]
+        return ending[0] if name not in columns and len(ending) == 1 else name.replace(NUMBER, JOINT)
     first = int(match[1])
     last = int(match[2] or first)
-    listed = [key for key in columns if key not in (*DECLARED, *SAID)]
+    inner = (*DECLARED, *SAID, *PATTERNS)  # columns by number of other quantities are among them
+    listed = [key for key in columns if key.partition(" ")[0] not in inner or key in PATTERNS["time"]]
     require(
         1 <= first <= last <= len(listed), "--names", f"{quantity}={name}", f"must be columns from 1 to {len(listed)}"
     )
@@ -154,5 +157,7 @@ def find_times(columns: Iterable[str]) -> tuple[str, ...]:
 
 def match_columns(pattern: str, columns: Iterable[str]) -> dict[str, str]:
     """Return the text that ``{joint}`` stands for in each of the ``columns`` that matches a pattern, by its name."""
+    if JOINT not in pattern:
+        return {}
     form = re.compile(re.escape(pattern).replace(re.escape(JOINT), "(.+)"))
     return {name: match[1] for name in columns if (match := form.fullmatch(name))}

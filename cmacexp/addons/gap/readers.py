@@ -25,6 +25,10 @@ COMPRESSED = (".gz", ".bz2", ".xz", ".zst")
 """Last suffixes of compressed CSV files."""
 DECLARED = ("units", "kp", "kd")
 """Declarations of a file: units in any order, and gains, one for all joints or one for each, separated by commas."""
+RUN = re.compile(r"(?:demo|episode|run|traj|trajectory|trial|rollout)_?\d+", re.IGNORECASE)
+"""Names of groups that are runs."""
+WIDE = 4
+"""Columns for each row, of a file without names, above which each of its rows is a signal."""
 SAID = ("joints", "names", "notes")
 """What a reader says of a file: the names of joints that its columns count, and notes."""
 
@@ -105,6 +109,10 @@ def read_csv(path: Path) -> Columns:
     names = [name if name and names.index(name) == k else str(k + 1) for k, name in enumerate(names)]
     text = io.StringIO("\n".join(rows if has_numbers else rows[1:]))
     frame = pandas.read_csv(text, sep=separator, names=names, decimal=decimal, skipinitialspace=True, index_col=False)
+    if has_numbers and len(names) > WIDE * len(frame):
+        notes.append(f"The file has {len(names)} columns and {len(frame)} rows: they were exchanged.")
+        frame = frame.T.set_axis([str(k + 1) for k in range(len(frame))], axis=1)
+        names = list(frame.columns)
     return {**{name: frame[name].to_numpy() for name in names}, **declared, "notes": np.array(notes, dtype=str)}
 
 
@@ -153,16 +161,15 @@ def read_mat(path: Path) -> Columns:
 
 
 def read_hdf5(path: Path) -> Columns:
-    """Read the arrays of an HDF5 file, those in groups under ``GROUP_NAME``."""
+    """Read the arrays of an HDF5 file, those in groups under ``GROUP_NAME``; of ``demo_3`` and such the longest."""
     require_extra("h5py")
     import h5py
 
-    columns = dict[str, NDArray[Any]]()
+    def read(group: Any) -> dict[str, Any]:
+        return {name: read(item) if isinstance(item, h5py.Group) else item[()] for name, item in group.items()}
+
     with h5py.File(path) as file:
-        file.visititems(
-            lambda name, item: columns.update({name.replace("/", "_"): item[()]} if hasattr(item, "dtype") else {})
-        )
-    return columns
+        return _unnest(read(file))
 
 
 def read_json(path: Path) -> Columns:
@@ -178,19 +185,35 @@ def read_json(path: Path) -> Columns:
         content = content if records is None else records
     if isinstance(content, list):
         nested = [_unnest(record) for record in content]
-        lengths = [max((len(value) for value in record.values() if value.ndim), default=0) for record in nested]
-        if len(set(lengths)) > 1:  # each record is a run
-            longest = int(np.argmax(lengths))
-            note = f"The file has {len(nested)} runs: the longest is used, number {longest + 1}, {max(lengths)} rows."
-            return {**nested[longest], "notes": np.array([note])}
+        if len(set(map(_measure, nested))) > 1:  # each record is a run
+            return choose_run(nested)
         content = {key: [record.get(key, np.nan) for record in nested] for key in nested[0]}
     return _unnest(content)
+
+
+def choose_run(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the columns of the longest of several runs, with a note."""
+    lengths = [*map(_measure, runs)]
+    longest = int(np.argmax(lengths))
+    note = f"The file has {len(runs)} runs: the longest is used, number {longest + 1}, {max(lengths)} rows."
+    return {**runs[longest], "notes": np.array([note])}
+
+
+def _measure(columns: Mapping[str, Any]) -> int:
+    """Return the length of the longest of the columns, 0 without one."""
+    return max((len(value) for value in columns.values() if value.ndim), default=0)
 
 
 def _unnest(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arrays in nested dictionaries by the names of all levels, joined by ``_``."""
     columns = dict[str, Any]()
+    if len(content) > 1 and all(
+        RUN.fullmatch(name) and isinstance(value, Mapping) for name, value in content.items()
+    ):
+        return choose_run([_unnest(run) for run in content.values()])
     for name, value in content.items():
+        if len(runs := [run for run in value if isinstance(run, Mapping)] if isinstance(value, list) else []) > 0:
+            value = choose_run([_unnest(run) for run in runs])
         inner = _unnest(value) if isinstance(value, Mapping) else None
         columns |= {name: np.asarray(value)} if inner is None else {f"{name}_{key}": it for key, it in inner.items()}
     return columns

@@ -16,13 +16,13 @@ from cmacexp.addons.gap.names import (
     JOINT,
     PATTERNS,
     SEPARATORS,
-    find_numbered,
+    find_given,
     find_times,
     list_patterns,
     match_columns,
 )
 from cmacexp.addons.gap.readers import COMPRESSED, READERS, Reader
-from cmacexp.addons.gap.table import UNITS, Table
+from cmacexp.addons.gap.table import COUNTS, UNITS, Table
 from cmacexp.addons.gap.times import read_time
 from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.typing import Array
@@ -65,20 +65,26 @@ def read_log(
     for quantity, unit in (units or {}).items():
         allowed = UNITS.get(quantity, {})
         mistake = f"is no unit of {quantity}, which are" if allowed else "must name one of"
-        require(unit in allowed, "--units", f"{quantity}={unit}", f"{mistake} {', '.join(allowed or UNITS)}")
+        counts = ", or counts of an encoder, such as 4096/rev" * ("rev" in allowed)
+        is_known = unit in allowed or ("rev" in allowed and COUNTS.fullmatch(unit))
+        require(is_known, "--units", f"{quantity}={unit}", f"{mistake} {', '.join(allowed or UNITS)}{counts}")
     for quantity in names or {}:
         mistake = f"is no quantity of a log, which are {', '.join(PATTERNS)}"
         require(quantity in PATTERNS, "--names", quantity, mistake)
     gain_columns = {key: np.array(values) for key, values in (gains or {}).items()}
-    given = {key: (find_numbered(columns, key, name, joints),) for key, name in (names or {}).items()}
+    given = {key: (find_given(columns, key, name, joints),) for key, name in (names or {}).items()}
+    taken = {name for (pattern,) in given.values() for name in match_columns(pattern, columns)} | {
+        pattern for (pattern,) in given.values()
+    }
+    free = {name: values for name, values in columns.items() if name not in taken}
     if rate is not None:
-        columns["time"] = np.arange(max(map(np.size, columns.values()), default=0)) / rate
+        columns["--rate"] = np.arange(max(map(np.size, columns.values()), default=0)) / rate
     patterns = {
-        **{key: list_patterns(tried, columns) for key, tried in PATTERNS.items()},
-        "time": (*list_patterns(PATTERNS["time"], columns), *find_times(columns)),
+        **{key: list_patterns(tried, free) for key, tried in PATTERNS.items()},
+        "time": (*list_patterns(PATTERNS["time"], free), *find_times(free)),
         **given,
         **{key: (key,) for key in gain_columns},
-        **({} if rate is None else {"time": ("time",)}),
+        **({} if rate is None else {"time": ("--rate",)}),
     }
     known = {**(units or {}), **({} if rate is None else {"time": "s"})}
     return _make_log(Table(path, columns | gain_columns, patterns, known, left_out))
@@ -164,14 +170,13 @@ def _make_log(table: Table) -> Log:
         "them, --names command=..., or torque=NAME_{joint}, or give the files that have them too; it has "
         f"{table.list_columns()}",
     )
-    for key, gain in {"--kp": log.kp, "--kd": log.kd}.items():
-        require(
-            torque is not None or np.isfinite(gain).all(),
-            key,
-            None,
-            "is missing: the log has neither the gains of the drives nor torques that are found by name; name these, "
-            f"--names torque=NAME_{JOINT}, or torque=NAME for a single joint; it has {table.list_columns()}",
-        )
+    require(
+        torque is not None or log.has_gains,
+        KEY,
+        table.path,
+        "has neither both gains of the drives, --kp and --kd, nor torques found by name: give the gains, or name "
+        f"torques, --names torque=NAME_{JOINT} or, of one joint, torque=NAME; it has {table.list_columns()}",
+    )
     for quantity, unit in table.units.items():
         require(
             quantity in (*names, "time"),

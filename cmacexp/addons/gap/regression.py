@@ -1,5 +1,6 @@
 """Regression of the torque of a log on the model of its machine, by which faults and units of torque show."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -24,6 +25,9 @@ INDEPENDENT = 0.2
 DIFFERS = 1.5
 """Part of the torque that is left with the rigid bodies of the model, over that with a factor of them, above which
 that factor means something: one of bodies much lighter than friction does not."""
+ALIKE = 0.02
+"""Part of the torque of the rigid bodies that inertia, friction and an offset do not make, below which they are
+alike, as those of a rotor or a vertical axis are, and no factor of them is known."""
 NEGATIVE = -0.06
 """Viscous friction over the gain kd below which kd is wrong: friction cannot be negative."""
 
@@ -87,6 +91,10 @@ def fit_model(problem: Problem) -> Regression:
         law = Signals(replace(log, torque=None), delay)
         return low_pass(law.torque, period)[rows]
 
+    rigid = columns[..., 0]
+    apart = rigid - np.einsum("kjp,jp->kj", columns[..., 1:], np.einsum("jpk,kj->jp", beside, rigid))
+    is_alike = (apart**2).sum(axis=0) < ALIKE**2 * (rigid**2).sum(axis=0)
+
     def solve(torque: Array, delay: int) -> Regression:
         weights = np.einsum("jpk,kj->jp", inverse, torque)
         squares = ((torque - np.einsum("kjp,jp->kj", columns, weights)) ** 2).sum(axis=0)
@@ -101,6 +109,7 @@ def fit_model(problem: Problem) -> Regression:
         if log.torque is not None:
             plain = float(((log.torque - np.einsum("kjp,jp->kj", terms, weights))[rows] ** 2).mean() ** 0.5)
         error = np.sqrt(np.maximum(variance, 1e-18))
+        error[is_alike, 0] = np.inf
         return Regression(delay * period, rest, plain, left, as_modelled, weights, error)
 
     if log.torque is None:
@@ -112,26 +121,41 @@ def fit_model(problem: Problem) -> Regression:
 
 
 def fit_gravity(problem: Problem) -> tuple[Array, float]:
-    """Estimate gravity (3,) in the frame of the base, m/s^2, beside the joints.
+    """Estimate gravity (3,) in the frame of the base, m/s^2, and the part of the torque that is left."""
+    zero, *axes = (
+        problem.machine.set_gravity(gravity).compute_torque(*problem.motion) for gravity in (np.zeros(3), *np.eye(3))
+    )
+    return _fit_shared(problem, zero, [torque - zero for torque in axes])
+
+
+def fit_load(problem: Problem, joint: int) -> tuple[float, float]:
+    """Estimate the factor of the mass of the link of a ``joint``, and the part of the torque that is left."""
+    doubled = problem.machine.scale_masses({joint: 2.0}).compute_torque(
+        *problem.motion, problem.signals.log.orientation
+    )
+    factor, left = _fit_shared(problem, problem.rigid, [doubled - problem.rigid])
+    return 1.0 + float(factor[0]), left
+
+
+def _fit_shared(problem: Problem, base: Array, columns: Sequence[Array]) -> tuple[Array, float]:
+    """Estimate factors of torques ``columns`` (n, J) beside the torque ``base`` and the joints, N m.
 
     Returns also the part of the torque of all joints that is left, RMS over RMS.
     """
-    signals, machine = problem.signals, problem.machine
+    signals = problem.signals
     period = signals.log.period
     rows = slice(20, len(signals.log.time) - 20)
-    zero, *axes = (machine.set_gravity(g).compute_torque(*problem.motion) for g in (np.zeros(3), *np.eye(3)))
-    columns = np.stack([*(torque - zero for torque in axes), signals.torque - zero], axis=-1)
-    shared = low_pass(columns, period)[rows]
+    shared = low_pass(np.stack([*columns, signals.torque - base], axis=-1), period)[rows]
     own = low_pass(problem.make_regressors(1)[..., [0, 1, 2, 4]], period)[rows]
     left = [
         shared[:, j] - own[:, j] @ np.linalg.lstsq(own[:, j], shared[:, j], rcond=1e-10)[0]
         for j in range(shared.shape[1])
     ]
     stacked = np.concatenate(left)
-    gravity: Array = np.linalg.lstsq(stacked[:, :3], stacked[:, 3], rcond=None)[0].astype(np.float64)
-    rest = stacked[:, 3] - stacked[:, :3] @ gravity
+    factors: Array = np.linalg.lstsq(stacked[:, :-1], stacked[:, -1], rcond=None)[0].astype(np.float64)
+    rest = stacked[:, -1] - stacked[:, :-1] @ factors
     whole = low_pass(signals.torque, period)[rows]
-    return gravity, float(np.sqrt((rest**2).sum() / max(float((whole**2).sum()), 1e-12)))
+    return factors, float(np.sqrt((rest**2).sum() / max(float((whole**2).sum()), 1e-12)))
 
 
 def list_unexplained(problem: Problem, regression: Regression) -> set[int]:
@@ -163,7 +187,10 @@ def scale_torque(problem: Problem) -> Log:
     assert log.torque is not None
     regression = fit_model(problem)
     gravity = regression.weights[:, 0]
-    unknown = [log.joints[j] for j in np.flatnonzero(~(regression.errors[:, 0] < CERTAIN * np.abs(gravity)))]
+    is_passive = ~log.torque.any(axis=0)
+    gravity = np.where(is_passive, 1.0, gravity)
+    is_certain = is_passive | (regression.errors[:, 0] < CERTAIN * np.abs(gravity))
+    unknown = [log.joints[j] for j in np.flatnonzero(~is_certain)]
     if unknown:
         cure = f" --leave-out {','.join(unknown)} keeps those of the others." if len(unknown) < len(gravity) else ""
         return log.note(
@@ -171,9 +198,10 @@ def scale_torque(problem: Problem) -> Log:
             "little, or do not explain them, so that N m for each unit are not known: tables of the model and "
             f"identification are left out.{cure}"
         )
-    listed = ", ".join(f"{joint} {1.0 / factor:.4g}" for joint, factor in zip(log.joints, gravity, strict=True))
+    driven = np.flatnonzero(~is_passive)
+    listed = ", ".join(f"{log.joints[j]} {1.0 / gravity[j]:.4g}" for j in driven)
     turned = "; below 0, a unit counts against the joint" * bool((gravity < 0.0).any())
-    errors = regression.errors[:, 0] / np.abs(gravity)
+    errors = np.where(is_passive, 0.0, regression.errors[:, 0] / np.abs(gravity))
     return replace(log, torque=log.torque / gravity, is_unit_known=True, unit_error=errors).note(
         f"Torques are in an unknown unit: N m for each unit follow from the masses of the model ({listed}{turned}); "
         f"what is identified is in proportion to these masses, and has their error of {100.0 * errors.max():.2g} %."

@@ -29,6 +29,8 @@ UNITS = {
     "feedforward": TORQUES,
 }
 """Units that a log may have, by quantity, with their factors to the units of this project."""
+COUNTS = re.compile(r"(\d+)/rev")
+"""A unit of angles: counts of an encoder for each turn."""
 LISTED = 24
 """Number of columns of a file that a message lists."""
 
@@ -54,7 +56,12 @@ class Table:
 
     def list_columns(self) -> str:
         """Return the names of the columns of the file, the first LISTED of them, for messages."""
-        inner = (*DECLARED, *SAID, *PATTERNS)  # columns by number are added under the name of their quantity
+        inner = (
+            *DECLARED,
+            *SAID,
+            *PATTERNS,
+            "--rate",
+        )  # columns by number are added under the name of their quantity
         names = [name for name in self.columns if name.partition(" ")[0] not in inner or name in PATTERNS["time"]]
         return ", ".join(names[:LISTED]) + f" and {len(names) - LISTED} more" * (len(names) > LISTED)
 
@@ -165,6 +172,8 @@ class Table:
         listed = ", ".join(unit for unit in declared if unit in unknown)
         allowed = f"must be one of {', '.join(factors)} for {quantity}, or say --units {quantity}=UNIT"
         require(unit or not factors or not unknown, KEY, self.path, f"declares the unit {listed}: {allowed}")
+        if unit and (counts := COUNTS.fullmatch(unit)):
+            return values * 2.0 * np.pi / float(counts[1])
         return values * factors[unit] if unit else values
 
     def read_gain(self, key: str, joints: Sequence[str]) -> Array:

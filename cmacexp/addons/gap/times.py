@@ -11,8 +11,10 @@ from cmacexp.addons.gap.table import UNITS, Table
 from cmacexp.errors import BadInput, require
 from cmacexp.typing import Array
 
-RATES = (20.0, 20_000.0)
+RATES = (2.0, 20_000.0)
 """Least and largest sampling rate of a log, Hz."""
+USUAL = 8.0
+"""Rate from which times without a unit count as seconds, Hz; other units come first for slower ones."""
 CLOCKS = (0.05, 0.95)
 """Least ratio of the spans of two columns of times that could both be clocks, and that of clocks that agree."""
 STEADY = 0.5
@@ -66,7 +68,7 @@ def _check_clocks(table: Table, name: str) -> None:
 
 
 def _guess_unit(first: float, spans: Array) -> str:
-    """Return the unit of times: that of a ``first`` time since 1970, or the first in which rows have a likely rate.
+    """Return the unit of times: that of a ``first`` time since 1970, or the first in which rows have a usual rate.
 
     ``spans`` (n,) are times from the first one on. Seconds come first, and stand if no unit is likely.
     """
@@ -76,4 +78,4 @@ def _guess_unit(first: float, spans: Array) -> str:
     steps = np.diff(spans)
     period = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     rates = {unit: 1.0 / (factor * period) for unit, factor in UNITS["time"].items() if period > 0.0}
-    return next((unit for unit, rate in rates.items() if RATES[0] <= rate <= RATES[1]), "s")
+    return next((unit for unit, rate in rates.items() if USUAL <= rate <= RATES[1]), "s")

@@ -82,7 +82,15 @@ FAULTS = {
     "time in ms": (change("time", None, 1e3), "the unit of time"),
     "lost and restamped": (choose(lambda rows: np.delete(rows, range(640, 643)), True), "rows were lost"),
     "joined": (choose(lambda rows: np.r_[rows[:300], rows[520:]], True), "the log was joined there"),
-    "commands for angles": (lambda log: replace(log, angle=log.command), "hold the commands"),
+    "commands for angles": (lambda log: replace(log, angle=log.command), "hold the angles: they are no"),
+    "angles for commands": (
+        lambda log: replace(log, command=np.roll(log.angle, -1, 0)),
+        "hold the angles of the next row",
+    ),
+    "no order": (
+        choose(lambda rows: np.random.default_rng(0).permutation(rows), True),
+        "rows are no samples in order",
+    ),
     "degrees": (change("angle", None, DEGREES), "one of them is in degrees"),
     "all in degrees": (
         lambda log: change("command", None, DEGREES)(change("angle", None, DEGREES)(log)),

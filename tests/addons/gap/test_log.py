@@ -83,7 +83,7 @@ WRONG = {
     ),
     "no time": ({"rename": {"time": "clock"}}, "no column of time"),
     "one command": ({"rename": {"q_des_wrist": "q_dse_wrist"}}, "no column q_des_wrist .*did you mean q_dse_wrist"),
-    "no gains": ({"gains": {"kp": [20.0]}}, "--kd.* is missing"),
+    "no gains": ({"gains": {"kp": [20.0]}}, "neither both gains of the drives, --kp and --kd, nor torques found"),
     "gains": ({"gains": {"kp": [20.0, 1.0], "kd": [1.0]}}, "--kp=20,1.* one for each of 3 joints"),
     "unit": ({"units": {"angle": "grad"}}, "is no unit of angle"),
     "quantity": ({"names": {"angel": "q_{joint}"}}, "is no quantity"),
@@ -299,6 +299,34 @@ def test_a_file_of_hdf5_is_read(tmp_path):
         file.update({"time": TIME, "observations/qpos": ANGLE, "observations/effort": COMMAND})
     log = read_log(tmp_path / "log.h5")
     np.testing.assert_allclose([log.angle, log.torque], [ANGLE, COMMAND])
+
+
+def test_of_several_runs_in_a_file_the_longest_is_read(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for k, rows in enumerate((50, len(TIME), 20)):
+            file.update({f"data/demo_{k}/{name}": it[:rows] for name, it in {"q": ANGLE, "tau": COMMAND}.items()})
+    runs = [{"q": ANGLE[:9].tolist()}, {"q": ANGLE.tolist(), "tau": COMMAND.tolist()}]
+    (tmp_path / "log.json").write_text(json.dumps(runs))
+    for name in ("log.h5", "log.json"):
+        log = read_log(tmp_path / name, rate=200.0)
+        np.testing.assert_allclose([log.angle, log.torque], [ANGLE, COMMAND])
+
+
+def test_a_signal_in_each_row_counts_of_an_encoder_and_times_of_two_files_are_read(tmp_path):
+    np.savetxt(tmp_path / "wide.txt", np.column_stack([TIME, ANGLE, COMMAND]).T)
+    log = read_log(tmp_path / "wide.txt", {"time": "1", "angle": "2-4", "torque": "5-7"})
+    np.testing.assert_allclose([log.angle, log.torque], [ANGLE, COMMAND])
+    pd.DataFrame(columns()).to_csv(tmp_path / "log.csv", index=False)
+    counts = read_log(tmp_path / "log.csv", None, {"angle": "4096/rev"}, {"kp": [20.0], "kd": [1.0]})
+    np.testing.assert_allclose(counts.angle, ANGLE * 2.0 * np.pi / 4096)
+    for name, values in {"log_q_actual": ANGLE, "log_q_target": COMMAND}.items():
+        np.savetxt(tmp_path / f"{name}.csv", np.column_stack([TIME, values]), delimiter=",")
+    log = read_log(
+        tmp_path / "log_q_actual.csv", gains={"kp": [20.0], "kd": [1.0]}, others=[tmp_path / "log_q_target.csv"]
+    )
+    np.testing.assert_allclose([log.angle, log.command], [ANGLE, COMMAND])
+    np.testing.assert_allclose(log.time, TIME)
 
 
 def test_files_with_one_quantity_each_are_joined_under_the_signals_in_their_names(tmp_path):
