@@ -16,6 +16,7 @@ from cmacexp.addons.gap.model_faults import LEAST_RANGE, NOTE, Fault, check_agai
 from cmacexp.addons.gap.problem import Problem
 from cmacexp.addons.gap.regression import Regression, list_unexplained
 from cmacexp.addons.gap.signals import Signals, differentiate, low_pass
+from cmacexp.addons.gap.velocities import check_velocity, compare_velocity
 from cmacexp.errors import BadInput, require
 from cmacexp.typing import Array
 
@@ -35,9 +36,9 @@ MOST_APART = (0.1, 0.3)
 """Tolerance of the median of measured less commanded angle, since joints sag: rad, and relative to the range."""
 MOST_APART_ROWS = 0.2
 """Mean motion from row to row over the range of a joint above which rows are no samples in order."""
-COPIED = (1e-4, 2e-3)
-"""Distance of angles from the commands of the same row, and of the row before, over the largest range of commands,
-below which one is a copy of the other."""
+COPIED = (1e-4, 0.1)
+"""Distances below which angles and commands are copies: of the same row, over the largest range of commands; and of
+angles from commands of the row before, over the motion from row to row."""
 NEARER, MUCH_NEARER = 0.5, 0.3
 """Distance of a measured angle to the command of another joint, over that to the command of its own joint, below
 which columns are exchanged: for both joints, and for only one of them."""
@@ -51,10 +52,6 @@ first step afterwards over that motion."""
 CLIPPED = (3, 3, 0.15)
 """Limits of a clipped angle: number of stops of a moving joint at exactly its extreme angle, rows of each stop, and
 speed just before it over the RMS speed: joints that stick by friction come to rest slowly."""
-SAME_VELOCITY = (0.8, 1.25)
-"""Measured velocity over that of the angles, beyond which their times are wrong."""
-ALIKE = (0.9, 0.1)
-"""Correlation of both velocities from which a joint counts, and relative difference of their ratio between joints."""
 TICKS = 2.9
 """Least number of the smallest steps of an angle in one row that says that its joint moves, not just its encoder."""
 UNSIGNED = (0.02, 0.01)
@@ -94,12 +91,12 @@ def check(problem: Problem, regression: Regression, accepted: Collection[str] = 
     faults = [] if log.command is None else list(_check_pairs(log, log.command, unexplained))
     for j in np.argsort(-np.ptp(log.angle, axis=0), kind="stable").tolist():  # those that move first
         faults += _check_angle(log, problem.machine, j, j in implausible)
-    if log.velocity is not None and _compare_velocity(log, log.velocity, 1.0):
+    if log.velocity is not None and compare_velocity(log, log.velocity, 1.0):
         faults = [fault for fault in faults if fault.kind != "jump"]  # it moved so
     else:
         faults += _check_lost_rows(log)
     if log.velocity is not None:
-        faults += _check_velocity(log, log.velocity)
+        faults += check_velocity(log, log.velocity)
     if log.torque is not None:
         faults += _check_torque(log, log.torque)
     is_compared = not CAUSES.difference(accepted).intersection(fault.kind for fault in faults)
@@ -186,9 +183,10 @@ def _check_pairs(log: Log, command: Array, unexplained: Collection[int]) -> Iter
     span = np.ptp(command, axis=0)
     centred = command - command.mean(axis=0)
     angles, commands = ([log.column(quantity, j) for j in range(len(span))] for quantity in ("angle", "command"))
-    for later, tolerance in ((0, COPIED[0]), (1, COPIED[1])):
+    step = np.sqrt((np.diff(log.angle, axis=0) ** 2).mean())
+    for later, most in ((0, COPIED[0] * max(span.max(), 1e-9)), (1, COPIED[1] * step)):
         apart = log.angle[later:] - command[: len(command) - later]
-        if np.sqrt((apart**2).mean()) < tolerance * max(span.max(), 1e-9):
+        if np.sqrt((apart**2).mean()) < most:
             row = " of the next row" * later
             yield Fault("copied", f"column {commands[0]} and others hold the angles{row}: they are no commands")
             return
@@ -232,7 +230,7 @@ def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool) -> It
     name = log.column("angle", j)
     values = log.angle[:, j]
     low, high = machine.ranges[j]
-    is_in_rad = log.velocity is not None and _compare_velocity(log, log.velocity, 1.0)
+    is_in_rad = log.velocity is not None and compare_velocity(log, log.velocity, 1.0)
     if is_unexplained and not machine.is_prismatic[j] and not is_in_rad:
         zero = 2.0 * np.pi * np.round(values.mean() / (2.0 * np.pi)) if np.isinf(high - low) else 0.0  # of an encoder
         low, high = max(low, zero - MOST_TURNED), min(high, zero + MOST_TURNED)
@@ -256,11 +254,14 @@ def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool) -> It
         inside &= not is_in_rad
         units = "angle=deg" if log.command is None else "angle=deg,command=deg"
         mend = ("--units", units) if inside and not machine.is_prismatic[j] else ("--accept", "")
+        is_limited = np.isfinite(machine.ranges[j]).any()
+        allowed = (
+            f"should be from {low:.3g} to {high:.3g}" if is_limited else "has no limits, and rarely turns so far"
+        )
         yield Fault(
             "range",
-            f"column {name} reaches from {values.min():.3g} to {values.max():.3g} rad, {machine.joints[j]} "
-            f"should be from {low:.3g} to {high:.3g}: check its unit (degrees: --units angle=deg,command=deg), zero "
-            "and joint",
+            f"column {name} reaches from {values.min():.3g} to {values.max():.3g} rad, {machine.joints[j]} {allowed}: "
+            "check its unit (degrees: --units angle=deg,command=deg), zero and joint",
             *mend,
         )
     yield from _check_stops(log, j)
@@ -332,42 +333,6 @@ def _check_lost_rows(log: Log) -> Iterator[Fault]:
             f"the log moves {advance.max():.1f} times as far as around it from row {log.find_row(row - 1)} to "
             f"{log.find_row(row)} (t = {log.time[row]:.3f} s): rows were lost and the times rewritten",
         )
-
-
-def _compare_velocity(log: Log, velocity: Array, factor: float) -> bool:
-    """Return True if measured velocities (n, J) of most joints are ``factor`` times those of the angles."""
-    ratio = _find_ratio(log, velocity)
-    return ratio is not None and SAME_VELOCITY[0] < ratio / factor < SAME_VELOCITY[1]
-
-
-def _find_ratio(log: Log, velocity: Array) -> float | None:
-    """Return how many times those of the angles measured velocities (n, J) are; None if most joints do not agree."""
-    measured, own = low_pass(velocity, log.period), low_pass(Signals(log).velocity, log.period)
-    squares = np.maximum((own**2).sum(axis=0), 1e-12)
-    ratios = (measured * own).sum(axis=0) / squares
-    agrees = ratios * np.sqrt(squares) > ALIKE[0] * np.sqrt((measured**2).sum(axis=0))
-    if 2 * agrees.sum() <= len(ratios):
-        return None
-    ratio = float(np.median(ratios[agrees]))
-    return ratio if (np.abs(ratios[agrees] - ratio) < ALIKE[1] * ratio).all() else None
-
-
-def _check_velocity(log: Log, velocity: Array) -> Iterator[Fault]:
-    """Yield a fault if measured velocities (n, J), rad/s, are those of the angles at another rate, or of degrees."""
-    ratio = _find_ratio(log, velocity)
-    known = (1.0, 180.0 / np.pi)  # the latter are velocities in degrees a second, which do not matter
-    if ratio is None or any(_compare_velocity(log, velocity, factor) for factor in known):
-        return
-    if _compare_velocity(log, velocity, np.pi / 180.0):
-        text = f"measured velocities are {ratio:.3g} times those of the angles: angles are in degrees"
-        yield Fault("rate", text, "--units", "angle=deg")
-        return
-    rate = 1.0 / log.period
-    text = (
-        f"measured velocities are {ratio:.3g} times those of the angles: the log has {ratio * rate:.4g} rows a "
-        f"second, and not {rate:.4g}"
-    )
-    yield Fault("rate", text, "--rate", f"{ratio * rate:.4g}")
 
 
 def _check_torque(log: Log, torque: Array) -> Iterator[Fault]:

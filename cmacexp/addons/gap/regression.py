@@ -50,6 +50,10 @@ class Regression(NamedTuple):
     errors: Array
     """(J, 5) standard errors of the weights, for which one row in INDEPENDENT seconds counts as independent."""
 
+    alone: Array
+    """(2, J) factor of the rigid bodies and its standard error if joints have no rotor inertia, see ALIKE; the error is
+    infinite where the rigid bodies are not like inertia."""
+
     @property
     def is_certain(self) -> Mask:
         """Mask (J,) of the joints in which the factor of the rigid bodies is known to 30 %."""
@@ -82,6 +86,7 @@ def fit_model(problem: Problem) -> Regression:
     terms = np.concatenate([problem.rigid[..., None], problem.make_regressors(1)[..., [0, 1, 2, 4]]], axis=-1)
     columns = low_pass(terms, period)[rows]
     inverse = np.linalg.pinv(columns.transpose(1, 0, 2), rcond=1e-10)
+    without = np.linalg.pinv(columns[..., [0, 2, 3, 4]].transpose(1, 0, 2), rcond=1e-10)
     beside = np.linalg.pinv(columns[..., 1:].transpose(1, 0, 2), rcond=1e-10)
     independent = max(min(1.0, period / INDEPENDENT) * len(columns), 2.0 * columns.shape[2])
     most = round(0.06 / period)
@@ -110,7 +115,10 @@ def fit_model(problem: Problem) -> Regression:
             plain = float(((log.torque - np.einsum("kjp,jp->kj", terms, weights))[rows] ** 2).mean() ** 0.5)
         error = np.sqrt(np.maximum(variance, 1e-18))
         error[is_alike, 0] = np.inf
-        return Regression(delay * period, rest, plain, left, as_modelled, weights, error)
+        factor = np.einsum("jpk,kj->jp", without, torque)[:, 0]
+        variance = (without[:, 0] ** 2).sum(axis=1) * squares / independent
+        alone = np.stack([factor, np.where(is_alike, np.sqrt(variance), np.inf)])
+        return Regression(delay * period, rest, plain, left, as_modelled, weights, error, alone)
 
     if log.torque is None:
         return min((solve(compute_torque(delay), delay) for delay in delays), key=lambda fitted: fitted.rest)
@@ -186,10 +194,12 @@ def scale_torque(problem: Problem) -> Log:
         )
     assert log.torque is not None
     regression = fit_model(problem)
-    gravity = regression.weights[:, 0]
+    gravity, errors = regression.weights[:, 0], regression.errors[:, 0]
+    is_inertia = np.isfinite(regression.alone[1])
+    gravity, errors = np.where(is_inertia, regression.alone, np.stack([gravity, errors]))
     is_passive = ~log.torque.any(axis=0)
     gravity = np.where(is_passive, 1.0, gravity)
-    is_certain = is_passive | (regression.errors[:, 0] < CERTAIN * np.abs(gravity))
+    is_certain = is_passive | (errors < CERTAIN * np.abs(gravity))
     unknown = [log.joints[j] for j in np.flatnonzero(~is_certain)]
     if unknown:
         cure = f" --leave-out {','.join(unknown)} keeps those of the others." if len(unknown) < len(gravity) else ""
@@ -201,8 +211,12 @@ def scale_torque(problem: Problem) -> Log:
     driven = np.flatnonzero(~is_passive)
     listed = ", ".join(f"{log.joints[j]} {1.0 / gravity[j]:.4g}" for j in driven)
     turned = "; below 0, a unit counts against the joint" * bool((gravity < 0.0).any())
-    errors = np.where(is_passive, 0.0, regression.errors[:, 0] / np.abs(gravity))
+    errors = np.where(is_passive, 0.0, errors / np.abs(gravity))
+    alone = [log.joints[j] for j in np.flatnonzero(is_inertia & ~is_passive)]
+    assumed = f"; gravity does not show it of {', '.join(alone)}, whose rotors are taken to be in the model" * bool(
+        alone
+    )
     return replace(log, torque=log.torque / gravity, is_unit_known=True, unit_error=errors).note(
         f"Torques are in an unknown unit: N m for each unit follow from the masses of the model ({listed}{turned}); "
-        f"what is identified is in proportion to these masses, and has their error of {100.0 * errors.max():.2g} %."
+        f"what is identified is in proportion to these masses, and has their error of {100.0 * errors.max():.2g} %{assumed}."
     )

@@ -1,0 +1,51 @@
+"""Measured velocities of a log beside those of its angles: they show wrong rates and units of angles."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from cmacexp.addons.gap.log import Log
+from cmacexp.addons.gap.model_faults import Fault
+from cmacexp.addons.gap.signals import Signals, low_pass
+from cmacexp.typing import Array
+
+SAME_VELOCITY = (0.8, 1.25)
+"""Measured velocity over that of the angles, beyond which their times are wrong."""
+ALIKE = (0.9, 0.1)
+"""Correlation of both velocities from which a joint counts, and relative difference of their ratio between joints."""
+
+
+def compare_velocity(log: Log, velocity: Array, factor: float) -> bool:
+    """Return True if measured velocities (n, J) of most joints are ``factor`` times those of the angles."""
+    ratio = _find_ratio(log, velocity)
+    return ratio is not None and SAME_VELOCITY[0] < ratio / factor < SAME_VELOCITY[1]
+
+
+def _find_ratio(log: Log, velocity: Array) -> float | None:
+    """Return how many times those of the angles measured velocities (n, J) are; None if most joints do not agree."""
+    measured, own = low_pass(velocity, log.period), low_pass(Signals(log).velocity, log.period)
+    squares = np.maximum((own**2).sum(axis=0), 1e-12)
+    ratios = (measured * own).sum(axis=0) / squares
+    agrees = ratios * np.sqrt(squares) > ALIKE[0] * np.sqrt((measured**2).sum(axis=0))
+    if 2 * agrees.sum() <= len(ratios):
+        return None
+    ratio = float(np.median(ratios[agrees]))
+    return ratio if (np.abs(ratios[agrees] - ratio) < ALIKE[1] * ratio).all() else None
+
+
+def check_velocity(log: Log, velocity: Array) -> Iterator[Fault]:
+    """Yield a fault if measured velocities (n, J), rad/s, are those of the angles at another rate, or of degrees."""
+    ratio = _find_ratio(log, velocity)
+    known = (1.0, 180.0 / np.pi)  # the latter are velocities in degrees a second, which do not matter
+    if ratio is None or any(compare_velocity(log, velocity, factor) for factor in known):
+        return
+    if compare_velocity(log, velocity, np.pi / 180.0):
+        text = f"measured velocities are {ratio:.3g} times those of the angles: angles are in degrees"
+        yield Fault("rate", text, "--units", "angle=deg")
+        return
+    rate = 1.0 / log.period
+    text = (
+        f"measured velocities are {ratio:.3g} times those of the angles: the log has {ratio * rate:.4g} rows a "
+        f"second, and not {rate:.4g}"
+    )
+    yield Fault("rate", text, "--rate", f"{ratio * rate:.4g}")
