@@ -255,13 +255,11 @@ def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool) -> It
         units = "angle=deg" if log.command is None else "angle=deg,command=deg"
         mend = ("--units", units) if inside and not machine.is_prismatic[j] else ("--accept", "")
         is_limited = np.isfinite(machine.ranges[j]).any()
-        allowed = (
-            f"should be from {low:.3g} to {high:.3g}" if is_limited else "has no limits, and rarely turns so far"
-        )
+        allowed = f"should be from {low:.3g} to {high:.3g}" if is_limited else "has no limits, but turns less"
         yield Fault(
             "range",
-            f"column {name} reaches from {values.min():.3g} to {values.max():.3g} rad, {machine.joints[j]} {allowed}: "
-            "check its unit (degrees: --units angle=deg,command=deg), zero and joint",
+            f"column {name} reaches from {values.min():.3g} to {values.max():.3g} rad, {machine.joints[j]} "
+            f"{allowed}: check its unit (degrees: --units angle=deg,command=deg), zero and joint",
             *mend,
         )
     yield from _check_stops(log, j)

@@ -51,8 +51,8 @@ class Regression(NamedTuple):
     """(J, 5) standard errors of the weights, for which one row in INDEPENDENT seconds counts as independent."""
 
     alone: Array
-    """(2, J) factor of the rigid bodies and its standard error if joints have no rotor inertia, see ALIKE; the error is
-    infinite where the rigid bodies are not like inertia."""
+    """(2, J) factor of the rigid bodies and its standard error if joints have no rotor inertia, see ALIKE; the error
+    is infinite where the rigid bodies are not like inertia."""
 
     @property
     def is_certain(self) -> Mask:
@@ -213,10 +213,9 @@ def scale_torque(problem: Problem) -> Log:
     turned = "; below 0, a unit counts against the joint" * bool((gravity < 0.0).any())
     errors = np.where(is_passive, 0.0, errors / np.abs(gravity))
     alone = [log.joints[j] for j in np.flatnonzero(is_inertia & ~is_passive)]
-    assumed = f"; gravity does not show it of {', '.join(alone)}, whose rotors are taken to be in the model" * bool(
-        alone
-    )
+    said = f"; gravity does not show it of {', '.join(alone)}, whose rotors are taken to be in the model"
     return replace(log, torque=log.torque / gravity, is_unit_known=True, unit_error=errors).note(
         f"Torques are in an unknown unit: N m for each unit follow from the masses of the model ({listed}{turned}); "
-        f"what is identified is in proportion to these masses, and has their error of {100.0 * errors.max():.2g} %{assumed}."
+        f"what is identified is in proportion to these masses, and has their error of {100.0 * errors.max():.2g} %"
+        f"{said * bool(alone)}."
     )
