@@ -101,7 +101,8 @@ def _compare(problem: Problem, regression: Regression) -> Iterator[Fault]:
         yield Fault(
             "delay",
             f"commands fit best {1e3 * abs(late):.0f} ms {'later' if late > 0 else 'earlier'} than they are written: "
-            "their times are shifted, or --kp or --kd is wrong",
+            "their times are shifted, --kp or --kd is wrong, or the drive also follows a commanded velocity, "
+            "columns dq_des_JOINT, that the log lacks",
         )
     gravity = regression.weights[:, 0]
     moves = np.ptp(log.angle, axis=0) >= LEAST_TURN

@@ -107,7 +107,8 @@ def _load(path: Path, reader: Reader | None) -> dict[str, NDArray[Any]]:
         raise
     except Exception as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise BadInput(KEY, path, f"cannot be read ({reason})") from error
+        cause = "it holds Python objects" if "allow_pickle" in reason else reason
+        raise BadInput(KEY, path, f"cannot be read ({cause}): write a reader, --reader FILE.py:FUNCTION") from error
 
 
 def _make_log(table: Table) -> Log:

@@ -24,13 +24,17 @@ def compare_velocity(log: Log, velocity: Array, factor: float) -> bool:
 def _find_ratio(log: Log, velocity: Array) -> float | None:
     """Return how many times those of the angles measured velocities (n, J) are; None if most joints do not agree."""
     measured, own = low_pass(velocity, log.period), low_pass(Signals(log).velocity, log.period)
-    squares = np.maximum((own**2).sum(axis=0), 1e-12)
-    ratios = (measured * own).sum(axis=0) / squares
-    agrees = ratios * np.sqrt(squares) > ALIKE[0] * np.sqrt((measured**2).sum(axis=0))
-    if 2 * agrees.sum() <= len(ratios):
+    moves = np.abs(own) > np.sqrt((own**2).mean(axis=0))
+    alike = (measured * own).sum(axis=0) / np.sqrt(
+        np.maximum((measured**2).sum(axis=0) * (own**2).sum(axis=0), 1e-24)
+    )
+    agrees = (alike > ALIKE[0]) & moves.any(axis=0)
+    if 2 * agrees.sum() <= len(agrees):
         return None
-    ratio = float(np.median(ratios[agrees]))
-    return ratio if (np.abs(ratios[agrees] - ratio) < ALIKE[1] * ratio).all() else None
+    # medians: rows that are missing here and there change the velocities of the angles around them
+    ratios = np.array([np.median(measured[moves[:, j], j] / own[moves[:, j], j]) for j in np.flatnonzero(agrees)])
+    ratio = float(np.median(ratios))
+    return ratio if (np.abs(ratios - ratio) < ALIKE[1] * np.abs(ratio)).all() else None
 
 
 def check_velocity(log: Log, velocity: Array) -> Iterator[Fault]:
