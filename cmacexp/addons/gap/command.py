@@ -6,7 +6,7 @@ from shlex import quote
 
 import numpy as np
 
-from cmacexp.addons.gap.faults import KINDS, Unfit
+from cmacexp.addons.gap.faults import KINDS, Unfit, check_length
 from cmacexp.addons.gap.log import Log
 from cmacexp.addons.gap.machine import Machine, read_machine
 from cmacexp.addons.gap.matching import plain
@@ -76,6 +76,7 @@ def read_given(arguments: Arguments, files: Sequence[Path]) -> tuple[Log, Machin
         arguments.rate,
         others,
     )
+    check_length(log)
     if lean := _read_gain(arguments.lean, "--lean"):
         require(len(lean) == 2, "--lean", arguments.lean, "must be two angles: ROLL,PITCH")
         log = log.lean(*np.radians(lean))

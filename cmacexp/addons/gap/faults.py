@@ -151,12 +151,17 @@ def drop_commands(log: Log) -> Log:
     return replace(log, command=None, command_velocity=np.zeros_like(log.angle)).note(text)
 
 
-def check_values(log: Log) -> None:
-    """Check that a log has enough rows, and finite values of plausible size; raise BadInput."""
+def check_length(log: Log) -> None:
+    """Check that a log has enough rows; raise BadInput."""
     rows = len(log.time)
     require(
         rows >= LEAST_ROWS, KEY, log.path, f"has {rows} rows, fewer than {LEAST_ROWS}: too short to identify anything"
     )
+
+
+def check_values(log: Log) -> None:
+    """Check that a log has enough rows, and finite values of plausible size; raise BadInput."""
+    check_length(log)
     for quantity in ("time", "orientation", "angle", "command", "command_velocity", "torque", "feedforward"):
         values = vars(log)[quantity]
         for index in () if values is None else map(tuple, np.argwhere(~(np.abs(values) < LARGEST)).tolist()):

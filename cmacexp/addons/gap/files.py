@@ -42,8 +42,14 @@ def join_files(tables: Mapping[Path, Columns]) -> dict[str, NDArray[Any]]:
 
 
 def _name_clocks(tables: Mapping[Path, Columns]) -> Mapping[Path, Columns]:
-    """Return tables without names of columns with ``time`` for the first columns, if all grow alike in each row."""
+    """Return tables without names of columns with ``time`` for the first columns, if all grow alike in each row.
+
+    The only column of a file that is called so is one, too.
+    """
     listed = [[name for name in columns if name not in (*DECLARED, *SAID)] for columns in tables.values()]
+    for path, names in zip(tables, listed, strict=True):
+        if names == ["1"] and path.stem.lower() in PATTERNS["time"]:
+            return {**tables, path: {("time" if name == "1" else name): it for name, it in tables[path].items()}}
     if not all(names and all(map(str.isdigit, names)) for names in listed):
         return tables
     clocks = [columns[names[0]] for columns, names in zip(tables.values(), listed, strict=True)]

@@ -78,7 +78,7 @@ def _count(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[str]]:
     """Return the joints that numbered ``names`` count, by name; empty if the names, or the joints, are not so.
 
     Names that are numbers from 0 or 1 on count as many ``joints``, or as many that differ in their number alone.
-    Names that differ in their number alone count the only joints with the same numbers.
+    Names that differ in their number alone count the only joints with the same numbers, or those from 1 on for 0 on.
     """
     numbers = {name: number for name in names if (number := _split(name)[1]) is not None}
     stems = {_split(name)[0] for name in names}
@@ -93,8 +93,11 @@ def _count(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[str]]:
         alike = [list(joints), *([group[k] for k in sorted(group)] for group in groups.values())]
         fitting = [group for group in alike if len(group) == len(names)]
         return {name: [joint] for name, joint in zip(ordered, fitting[0], strict=True)} if fitting else {}
-    same = [group for group in groups.values() if sorted(group) == sorted(numbers.values())]
-    return {name: [same[0][number]] for name, number in numbers.items()} if len(same) == 1 else {}
+    for shift in (0, 1) if min(numbers.values()) == 0 else (0,):  # 0 to 6 for 1 to 7
+        same = [group for group in groups.values() if sorted(group) == sorted(k + shift for k in numbers.values())]
+        if len(same) == 1:
+            return {name: [same[0][number + shift]] for name, number in numbers.items()}
+    return {}
 
 
 def _split(name: str) -> tuple[str, int | None]:
@@ -121,7 +124,7 @@ def _list_unfit(names: Sequence[str], fitting: Mapping[str, Sequence[str]], join
     proposes = bool(choices)
     said = names if proposes or len(names) <= MOST_SAID else names[:2]
     pairs = ",".join(f"{name}={choices.get(name, 'JOINT')}" for name in said)
-    near = suggest(names[0], joints) if len(names) == 1 else ""
+    near = suggest(names[0], joints) if len(names) == 1 and not proposes else ""
     joint_option = f"--joints {pairs}{',...' * (len(said) < len(names))}"
     allowed = "" if proposes else f", with joints of {', '.join(joints) or 'which it has none'}"
     reason = (

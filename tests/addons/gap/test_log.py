@@ -167,7 +167,8 @@ def test_measured_signals_come_before_filtered_ones_and_one_joint_needs_no_name(
 def test_joints_with_the_same_numbers_are_matched_and_all_others_are_in_one_line():
     arm = [*(f"panda_joint{k}" for k in range(1, 8)), "panda_finger_joint1", "panda_finger_joint2"]
     assert match_names([f"fer_joint{k}" for k in range(1, 8)], arm, {}) == tuple(arm[:7])
-    assert match_names([str(k) for k in range(7)], arm, {}) == tuple(arm[:7])
+    for stem in ("", "joint_"):
+        assert match_names([f"{stem}{k}" for k in range(7)], arm, {}) == tuple(arm[:7])
     with pytest.raises(
         BadInput, match="no joint a, b; say if it is this order, --joints a=x,b=y, or --leave-out a,b"
     ):
@@ -335,9 +336,12 @@ def test_files_with_one_quantity_each_are_joined_under_the_signals_in_their_name
     log = read_log(tmp_path / "arm_position.csv", others=[tmp_path / "arm_torque.csv"])
     assert log.joints == NAMES
     np.testing.assert_allclose([log.angle, log.torque], [ANGLE, COMMAND])
-    for name, values in {"q": ANGLE, "tau": COMMAND}.items():
+    for name, values in {"t": TIME, "q": ANGLE, "tau": COMMAND}.items():
         np.savetxt(tmp_path / f"{name}.txt", values)
-    log = read_log(tmp_path / "q.txt", rate=200.0, others=[tmp_path / "tau.txt"])
+    for first, rate in {"q": 200.0, "t": None}.items():
+        log = read_log(
+            tmp_path / f"{first}.txt", rate=rate, others=[tmp_path / f"{name}.txt" for name in ("q", "tau")]
+        )
     np.testing.assert_allclose([log.angle, log.torque], [ANGLE, COMMAND])
 
 
