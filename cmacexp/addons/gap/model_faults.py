@@ -133,7 +133,7 @@ def _compare(problem: Problem, regression: Regression) -> Iterator[Fault]:
             f"{', or '.join(causes[::-1] if problem.machine.has_limbs else causes)}",
         )
     viscous = regression.weights[:, 2]
-    speed = np.sqrt((problem.signals.velocity**2).mean(axis=0))
+    speed = np.maximum(np.sqrt((problem.signals.velocity**2).mean(axis=0)), 1e-9)
     is_driven = viscous + 3.0 * regression.errors[:, 2] < -NEGATIVE_SHARE * problem.signals.torque.std(axis=0) / speed
     for j in np.flatnonzero(is_driven & moves & (not log.has_drives) & log.is_unit_known):
         yield Fault(
