@@ -10,7 +10,6 @@ import numpy as np
 
 from cmacexp.addons.gap.analysis import FIRST, GENERIC, Gap
 from cmacexp.addons.gap.problem import NAMES, SIGNED
-from cmacexp.addons.gap.signals import SMOOTHING_WINDOW
 from cmacexp.addons.gap.validation import OFTEN
 from cmacexp.cmac.rules import derive_rate
 from cmacexp.data.folder import OUT_KEY, new_result
@@ -275,7 +274,7 @@ def write_page(gap: Gap, folder: Path) -> Path:
         "acting": None,
         "refused": [],
         **values,
-        "window": SMOOTHING_WINDOW,
+        "window": gap.signals.window,
         "generic": GENERIC,
         "first": FIRST,
         "often": OFTEN,
@@ -294,5 +293,6 @@ def write_page(gap: Gap, folder: Path) -> Path:
             _tabulate(gap),
             variables,
         )
-        title = f"The gap between {gap.values['robot']} and its log {Path(gap.values['log']).name}"
+        robot, log = (Path(gap.values[key]).name for key in ("robot", "log"))
+        title = f"The gap between {robot} and its log {log}"
         return write_report(Report(title, values["summary"], sections, {"log": gap.values["log"]}), result)
