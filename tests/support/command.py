@@ -95,7 +95,12 @@ def cmacexp(*overrides: str, folder: Path, **changes: str) -> subprocess.Complet
 
 
 def started(*arguments: str, folder: Path, module: str = "cmacexp") -> subprocess.Popen:
-    """A command that runs on; it heeds Ctrl-C as in a terminal, even where the tests themselves ignore it."""
+    """A command that runs on; it heeds Ctrl-C and a closed terminal, even where the tests themselves ignore them."""
+
+    def heed():
+        for number in (signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_DFL)
+
     return subprocess.Popen(
         [sys.executable, "-m", module, *arguments],
         cwd=folder,
@@ -103,7 +108,7 @@ def started(*arguments: str, folder: Path, module: str = "cmacexp") -> subproces
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=heed,
     )
 
 
