@@ -46,7 +46,8 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
 
 def _explain_option(path: str, options: Sequence[str]) -> str:
     """Explain that ``path``, GROUP/NAME, is none of the ``options`` of its group."""
-    group, _, name = path.rpartition("/")
+    group, separator, name = path.partition("//")  # an absolute path
+    group, _, name = (group, "", f"/{name}") if separator else path.rpartition("/")
     if path.startswith("machine/") and name.endswith((".xml", ".urdf")):
         file = path.removeprefix("machine/")
         return f"machine={file}: is no option; for a file use machine=mjcf machine.path={file}"

@@ -16,7 +16,7 @@ from cmacexp.addons.gap.model_faults import LEAST_RANGE, NOTE, Fault, check_agai
 from cmacexp.addons.gap.problem import Problem
 from cmacexp.addons.gap.regression import Regression, list_unexplained
 from cmacexp.addons.gap.signals import Signals, differentiate, low_pass
-from cmacexp.addons.gap.velocities import check_velocity, compare_velocity
+from cmacexp.addons.gap.velocities import check_velocity, find_ratio, is_alike
 from cmacexp.errors import BadInput, require
 from cmacexp.typing import Array
 
@@ -89,14 +89,14 @@ def check(problem: Problem, regression: Regression, accepted: Collection[str] = 
     implausible = list_unexplained(problem, regression)
     unexplained = implausible if log.has_drives else set(range(len(log.joints)))
     faults = [] if log.command is None else list(_check_pairs(log, log.command, unexplained))
+    ratio = find_ratio(log)
     for j in np.argsort(-np.ptp(log.angle, axis=0), kind="stable").tolist():  # those that move first
-        faults += _check_angle(log, problem.machine, j, j in implausible)
-    if log.velocity is not None and compare_velocity(log, log.velocity, 1.0):
+        faults += _check_angle(log, problem.machine, j, j in implausible, is_alike(ratio))
+    if is_alike(ratio):
         faults = [fault for fault in faults if fault.kind != "jump"]  # it moved so
     else:
         faults += _check_lost_rows(log)
-    if log.velocity is not None:
-        faults += check_velocity(log, log.velocity)
+    faults += check_velocity(log, ratio)
     if log.torque is not None:
         faults += _check_torque(log, log.torque)
     outside = [k for k, fault in enumerate(faults) if fault.kind == "range"]
@@ -229,16 +229,16 @@ def _check_pairs(log: Log, command: Array, unexplained: Collection[int]) -> Iter
             )
 
 
-def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool) -> Iterator[Fault]:
+def _check_angle(log: Log, machine: Machine, j: int, is_unexplained: bool, is_in_rad: bool) -> Iterator[Fault]:
     """Yield faults of the measured angle of joint ``j``: unit, zero, stops, jumps and amount of motion.
 
-    If drives and model do not explain its torque, a joint without limits turns by no more than MOST_TURNED.
+    If drives and model do not explain its torque, a joint without limits turns by no more than MOST_TURNED,
+    unless measured velocities say that it ``is_in_rad``.
     """
     joint = log.joints[j]
     name = log.column("angle", j)
     values = log.angle[:, j]
     low, high = machine.ranges[j]
-    is_in_rad = log.velocity is not None and compare_velocity(log, log.velocity, 1.0)
     if is_unexplained and not machine.is_prismatic[j] and not is_in_rad:
         zero = 2.0 * np.pi * np.round(values.mean() / (2.0 * np.pi)) if np.isinf(high - low) else 0.0  # of an encoder
         low, high = max(low, zero - MOST_TURNED), min(high, zero + MOST_TURNED)

@@ -17,6 +17,8 @@ OPPOSITE = 2
 """Joints whose torque has the opposite sign, over those with the right one, above which all count the other way."""
 LEAST_LEAN = 5.0
 """Least lean of a base that is named, degrees."""
+UPSIDE_DOWN = 150.0
+"""Roll from which a base that leans looks like torques of the opposite sign, degrees."""
 BETTER = 0.6
 """Part of the torque that is left with a cause, over that without it, below which it is the cause."""
 LIKE_GRAVITY = 0.15
@@ -73,6 +75,8 @@ def _find_lean(problem: Problem, most: float) -> Fault | None:
         f"gravity comes from another side: with a base that leans by {roll:.0f} degrees about x and {pitch:.0f} "
         f"about y, and {size:.3g} m/s^2, joints and model leave {100.0 * left:.0f} % of the torque"
     )
+    if abs(roll) > UPSIDE_DOWN:
+        text += "; or all torques count against the joints, --units torque=-Nm"
     return Fault("lean", text, "--lean", f"{roll:.1f},{pitch:.1f}")
 
 

@@ -85,9 +85,17 @@ COMMAND = re.compile(rf"(?:.*_)?(?:{'|'.join(COMMANDED)})(?:_.*)?", re.IGNORECAS
 """Names of columns that are likely to be commands."""
 TIMES = re.compile(r".*_(?:time|t|timestamp|stamp)_*", re.IGNORECASE)
 """Names of columns that are likely to be times."""
+RATE = "--rate"
+"""Name of the column of times that follow from a rate."""
 NO_JOINTS = {*MEASURED, *COMMANDED, *CURRENTS, "rad", "deg", "degrees", "nm"}
 """Words that are no names of joints: in ``goal_position`` beside ``position`` there is no joint *goal*."""
 SEPARATORS = str.maketrans(dict.fromkeys(" ./-[]():%", "_"))
+
+
+def list_own(columns: Iterable[str]) -> list[str]:
+    """Return the columns of a file, without what was said of it and columns that :func:`find_given` added."""
+    inner = (*DECLARED, *SAID, *PATTERNS, RATE)
+    return [name for name in columns if name.partition(" ")[0] not in inner or name in PATTERNS["time"]]
 
 
 def find_given(columns: dict[str, NDArray[Any]], quantity: str, name: str, joints: Sequence[str] = ()) -> str:
@@ -103,8 +111,7 @@ def find_given(columns: dict[str, NDArray[Any]], quantity: str, name: str, joint
         return ending[0] if name not in columns and len(ending) == 1 else name.replace(NUMBER, JOINT)
     first = int(match[1])
     last = int(match[2] or first)
-    inner = (*DECLARED, *SAID, *PATTERNS)  # columns by number of other quantities are among them
-    listed = [key for key in columns if key.partition(" ")[0] not in inner or key in PATTERNS["time"]]
+    listed = list_own(columns)
     require(
         1 <= first <= last <= len(listed), "--names", f"{quantity}={name}", f"must be columns from 1 to {len(listed)}"
     )

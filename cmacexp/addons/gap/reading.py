@@ -15,6 +15,7 @@ from cmacexp.addons.gap.names import (
     COMMAND,
     JOINT,
     PATTERNS,
+    RATE,
     SEPARATORS,
     find_given,
     find_times,
@@ -78,13 +79,13 @@ def read_log(
     }
     free = {name: values for name, values in columns.items() if name not in taken}
     if rate is not None:
-        columns["--rate"] = np.arange(max(map(np.size, columns.values()), default=0)) / rate
+        columns[RATE] = np.arange(max(map(np.size, columns.values()), default=0)) / rate
     patterns = {
         **{key: list_patterns(tried, free) for key, tried in PATTERNS.items()},
         "time": (*list_patterns(PATTERNS["time"], free), *find_times(free)),
         **given,
         **{key: (key,) for key in gain_columns},
-        **({} if rate is None else {"time": ("--rate",)}),
+        **({} if rate is None else {"time": (RATE,)}),
     }
     known = {**(units or {}), **({} if rate is None else {"time": "s"})}
     return _make_log(Table(path, columns | gain_columns, patterns, known, left_out))
@@ -128,7 +129,7 @@ def _make_log(table: Table) -> Log:
         if (pattern := table.find(quantity, suffixes)) is None:
             return missing
         names[quantity] = pattern
-        return table.read_all(quantity, suffixes, time.size, notes)
+        return table.read_all(quantity, pattern, suffixes, time.size, notes)
 
     said = len(notes)
     angle = read("angle")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.addons.gap.log import KEY
-from cmacexp.addons.gap.names import CURRENTS, DEGREES, JOINT, NO_JOINTS, PATTERNS, SEPARATORS, match_columns
+from cmacexp.addons.gap.names import CURRENTS, DEGREES, JOINT, NO_JOINTS, SEPARATORS, list_own, match_columns
 from cmacexp.addons.gap.readers import DECLARED, SAID
 from cmacexp.errors import BadInput, require, suggest
 from cmacexp.typing import Array
@@ -56,22 +56,14 @@ class Table:
 
     def list_columns(self) -> str:
         """Return the names of the columns of the file, the first LISTED of them, for messages."""
-        inner = (
-            *DECLARED,
-            *SAID,
-            *PATTERNS,
-            "--rate",
-        )  # columns by number are added under the name of their quantity
-        names = [name for name in self.columns if name.partition(" ")[0] not in inner or name in PATTERNS["time"]]
+        names = list_own(self.columns)
         return ", ".join(names[:LISTED]) + f" and {len(names) - LISTED} more" * (len(names) > LISTED)
 
-    def read_all(self, quantity: str, joints: Sequence[str], rows: int, notes: list[str]) -> Array:
-        """Return the columns (n, J) of a quantity; those that are absent, or empty, are 0; raise BadInput.
+    def read_all(self, quantity: str, pattern: str, joints: Sequence[str], rows: int, notes: list[str]) -> Array:
+        """Return the columns (n, J) of a quantity by a pattern; absent or empty ones are 0; raise BadInput.
 
         Empty ones add to ``notes``, if they are torques or velocities, and are refused otherwise.
         """
-        pattern = self.find(quantity, joints)
-        assert pattern is not None
         signal = np.zeros((rows, len(joints)))
         for k, joint in enumerate(joints):
             if (name := pattern.replace(JOINT, joint)) in self.columns:
@@ -118,7 +110,7 @@ class Table:
             if joints := self.match(pattern, "angle"):
                 return joints
         tried = " or ".join(self.patterns["angle"][:4])
-        has_header = not all(name.isdigit() for name in self.columns if name not in (*DECLARED, *SAID))
+        has_header = not all(map(str.isdigit, list_own(self.columns)))
         cure = f"name them, --names angle=NAME_{JOINT}" if has_header else "number them, --names time=1,angle=2-3"
         raise BadInput(KEY, self.path, f"has no measured angles under {tried}; {cure}; it has {self.list_columns()}")
 
